@@ -10,7 +10,7 @@ For evaluators only. `causes_summary` makes figures of many boards.
   there where the recording knows states and the observer's space explains them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -218,21 +218,29 @@ def parents_at(board: BoardSpec, action: int) -> np.ndarray:
     return found
 
 
-def judge_causes(watched: Watched, graph: InferredGraph, reasoner: Reasoner | None = None) -> JudgedCauses:
+def judge_causes(
+    watched: Watched,
+    graph: InferredGraph,
+    reasoner: Reasoner | None = None,
+    early: Mapping[int, InferredGraph] | None = None,
+) -> JudgedCauses:
     """Compare what a model tells of a recorded board with the truth.
 
     Args:
         graph: inferred from at least the observed images; it is followed step by step.
         reasoner: who is asked about mechanisms; None for a model that infers a graph alone.
+        early: what is believed after some numbers of actions by who has seen no more; elsewhere `graph` tells it,
+            which may have found objects' links and looks in later pictures.
     """
-    episode, board, numbers = watched.episode, watched.episode.board, range(watched.followed + 1)
-    claimed = np.array([graph.claimed(number) for number in numbers]) & watched.candidates
+    board, after = watched.episode.board, {number: graph for number in range(watched.followed + 1)}
+    after |= {number: one for number, one in (early or {}).items() if number in after}
+    claimed = np.array([one.claimed(number) for number, one in after.items()]) & watched.candidates
     judged = JudgedCauses(
         watched.candidates,
         watched.true,
-        np.array([graph.after(number) for number in numbers], np.float32),
+        np.array([one.after(number) for number, one in after.items()], np.float32),
         claimed,
-        links=None if graph.links is None else count_links(episode, graph.links, graph.threshold, claimed),
+        links=None if graph.links is None else _links_after(watched.episode, after, claimed),
     )
     if watched.replayed is None:
         return judged
@@ -284,7 +292,20 @@ def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[in
     return {int(cluster): int(link) for cluster, link in pairs_ if shared[cluster, link]}
 
 
-def count_links(episode: Episode, told: InferredLinks, threshold: float, claimed: np.ndarray) -> np.ndarray:
+def _links_after(episode: Episode, after: Mapping[int, InferredGraph], claimed: np.ndarray) -> np.ndarray:
+    """See `count_links`; after each number of actions another graph may tell of links."""
+    counts = np.zeros((*claimed.shape[:2], 3), int)
+    graphs = {id(one): one for one in after.values()}
+    for one in graphs.values():
+        numbers = [number for number, other in after.items() if other is one]
+        if one.links is not None:
+            counts[numbers] = count_links(episode, one.links, one.threshold, claimed, numbers)
+    return counts
+
+
+def count_links(
+    episode: Episode, told: InferredLinks, threshold: float, claimed: np.ndarray, numbers: Sequence[int] | None = None
+) -> np.ndarray:
     """Parents at the level of links, int (K + 1, N, 3), as `JudgedCauses.links`.
 
     A cluster that stands for no link is a parent that is not there. Responders are parents as the graph claims them.
@@ -292,6 +313,7 @@ def count_links(episode: Episode, told: InferredLinks, threshold: float, claimed
     Args:
         threshold: a parent is claimed when its probability exceeds this.
         claimed: bool (K + 1, N, N), pairs of objects.
+        numbers: of actions, to count after these alone; the result then has a row for each.
     """
     names = link_names(episode)
     place = {(name.object, name.link): number for number, name in enumerate(names)}
@@ -299,15 +321,16 @@ def count_links(episode: Episode, told: InferredLinks, threshold: float, claimed
     length, links = min(len(held), len(told.clusters)), sum(name.link != BODY for name in names)
     match = matched_links(told.clusters[:length], held[:length], links)
     responders = [name.object for name in names[links:]]
-    counts = np.zeros((*claimed.shape[:2], 3), int)
-    for number, pairs_ in enumerate(claimed):
+    numbers = range(len(claimed)) if numbers is None else numbers
+    counts = np.zeros((len(numbers), claimed.shape[1], 3), int)
+    for row, number in enumerate(numbers):
         said = told.after(number) > threshold  # (clusters, N)
         nowhere = [cluster for cluster in range(len(said)) if cluster not in match]
-        mine = np.concatenate([np.zeros((links, len(pairs_)), bool), pairs_[responders]])
+        mine = np.concatenate([np.zeros((links, claimed.shape[1]), bool), claimed[number, responders]])
         for cluster, link in match.items():
             mine[link] = said[cluster]
-        counts[number] = count_parents(mine, true_links(episode.board, names, max(0, number - 1)))
-        counts[number, :, 1] += said[nowhere].sum(0)
+        counts[row] = count_parents(mine, true_links(episode.board, names, max(0, number - 1)))
+        counts[row, :, 1] += said[nowhere].sum(0)
     return counts
 
 

@@ -55,10 +55,12 @@ KEYS: dict[str, str] = {
     f"is; null below {LEAST_PAIRS}, which say too little",
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
     "itself: who is perfectly calibrated is above it as often as below",
-    "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images, of the links and looks that the "
-    "whole recording shows",
+    "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images, of a model that has seen no "
+    "more; of graphs that somebody else inferred, of what they say of that time",
     "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
-    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones",
+    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones. After 3, 7, "
+    "10, 11, 15, 21, 22 and 29 actions the model has seen no more; between these it tells afterwards what it had "
+    "believed, and has found links and looks in all pictures",
     "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
     "never is",
     **rewirings.KEYS,

@@ -7,7 +7,7 @@ features (protocol "Reasoning"). Models see what `observed` lets through; the tr
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import ACTIONS, Watched, judge_causes
+from busybot.reason.evaluation.causes_summary import CALIBRATED
 from busybot.reason.evaluation.decoders import (
     DecodedState,
     Linear,
@@ -53,7 +54,7 @@ from busybot.reason.evaluation.summary import JudgedGraph, summarise
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import acted_objects, observe_episode, pushes_of
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
-from busybot.reason.models.base import InferredGraph, Reasoner
+from busybot.reason.models.base import InferredGraph, Reasoner, believed
 from busybot.reason.models.registry import GRAPHS, config_class, infer, reasoner_of, without_training
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -62,6 +63,9 @@ IMAGES = 23
 
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 """Numbers of observed images after which predictions are judged, beside the number asked for."""
+
+ALONE = tuple(sorted({*(images - 1 for images in CALIBRATED), 10}))
+"""After so many actions a model is asked what it believes with no later picture before it."""
 
 BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
@@ -149,16 +153,18 @@ class _Recording:
         """See `judge_episode`."""
         episode, proposed = self.episode, self.proposed
         told = self._told(judging, features)
-        graph, longer, spurious, forecast, causes = told.graph, told.longer, None, None, None
+        graph, longer, early = told.graph, told.longer, told.early
+        spurious, forecast, causes = None, None, None
         if proposed is not None:
             spurious = proposed.spurious(longer, min(len(episode.steps), ACTIONS))
             graph, longer = proposed.true_part(graph), proposed.true_part(longer)
+            early = {actions: proposed.true_part(one) for actions, one in early.items()}
         read = self.read(judging, told.sequence)
         if read.board is not None:
             forecast = judge_prediction(read.board, told.reasoner, judging.images, (*judging.curve, judging.images))
         if episode.board.relations_known:
             asked = told.reasoner if judging.what_if else None
-            causes = judge_causes(read.watched, replace(longer, kinds=graph.kinds, lags=graph.lags), asked)
+            causes = judge_causes(read.watched, replace(longer, kinds=graph.kinds, lags=graph.lags), asked, early)
             causes = replace(causes, spurious=spurious)
         return JudgedGraph(
             episode.board,
@@ -194,7 +200,9 @@ class _Recording:
         graph = longer = reasoner.graph(sequence.first(judging.images))
         if judging.images <= min(ACTIONS, sequence.steps):
             longer = reasoner.graph(sequence.first(ACTIONS + 1))
-        return _Told(graph, longer, reasoner, sequence)
+        asked = [actions for actions in ALONE if actions < sequence.steps and actions != judging.images - 1]
+        early = {actions: believed(reasoner, sequence.first(actions + 1)) for actions in asked}
+        return _Told(graph, longer, reasoner, sequence, {**early, judging.images - 1: graph})
 
 
 class _Read:
@@ -224,12 +232,14 @@ class _Read:
 @dataclass(frozen=True)
 class _Told:
     """What a model says of a board: a graph of the observed images and one that follows it on; who predicts, and with
-    what; None for what infers a graph alone. With proposed objects all of it is at their places."""
+    what; None for what infers a graph alone; and what it believes after some numbers of actions, if it has seen no
+    more. With proposed objects all of it is at their places."""
 
     graph: InferredGraph
     longer: InferredGraph
     reasoner: Reasoner | None = None
     sequence: BoardSequence | None = None
+    early: Mapping[int, InferredGraph] = field(default_factory=dict)
 
 
 def _controlled(board: BoardSpec) -> np.ndarray:

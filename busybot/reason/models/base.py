@@ -129,6 +129,20 @@ class Imagining(Protocol):
 
 
 @runtime_checkable
+class Brief(Protocol):
+    """What a reasoner may have beside: what it believes at the end, where all that it believed before would be dear."""
+
+    def graph_at_the_end(self, seen: BoardSequence) -> InferredGraph:
+        """As `Reasoner.graph`, with what is believed after the last step for its one entry."""
+        ...
+
+
+def believed(reasoner: Reasoner, seen: BoardSequence) -> InferredGraph:
+    """What a reasoner believes after the last step; what it has to say of earlier ones may be missing."""
+    return reasoner.graph_at_the_end(seen) if isinstance(reasoner, Brief) else reasoner.graph(seen)
+
+
+@runtime_checkable
 class Curious(Protocol):
     """What a reasoner may have beside: how much it would learn from an action."""
 

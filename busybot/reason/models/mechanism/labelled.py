@@ -39,17 +39,14 @@ class LabelledTrace:
         world: in which the board was drawn.
         parents: bool (T, I, R), the inputs that decided each responder after each action; None if nobody says.
         changed: bool (T, R), whether another mechanism than at first did; None if nobody says.
-        touched: what a recording tells of its triggers; None for drawn boards.
-        deciding: bool (T + 1, O, R), which of these triggers decide which responders, by whatever link, on the new
-            board and after each action; None with `touched`.
+        triggers: what a recording told of its triggers after some numbers of actions; none for drawn boards.
     """
 
     trace: Trace
     world: str
     parents: np.ndarray | None = None
     changed: np.ndarray | None = None
-    touched: Touched | None = None
-    deciding: np.ndarray | None = None
+    triggers: "tuple[LabelledTriggers, ...]" = ()
 
     @property
     def actions(self) -> int:
@@ -73,15 +70,27 @@ class LabelledTrace:
         return moments_of(graph, torch.arange(len(after)))
 
 
+@dataclass(frozen=True)
+class LabelledTriggers:
+    """The first T actions of a recording, with what they tell of O triggers.
+
+    Attributes:
+        deciding: bool (O, R), which of these triggers decide which responders after the last of them, by whatever link.
+    """
+
+    touched: Touched
+    deciding: np.ndarray
+
+
 WORKS = 0.97
 """Share of actions on drawn boards that move their link, if nothing holds it."""
 
 
-def labelled(episode: Episode, seen: Perceived, touched: Touched | None = None) -> LabelledTrace:
+def labelled(episode: Episode, seen: Perceived, touched: Sequence[Touched] = ()) -> LabelledTrace:
     """A recorded board. A link that was seen is the true one that most of its actions held.
 
     Args:
-        touched: what the recording tells of its triggers, if that is wanted, too.
+        touched: what parts of the recording tell of its triggers, each as if nothing had followed.
     """
     held = [(step.acted_object, step.acted_link) for step in episode.steps]
     inputs: list[Named] = []
@@ -91,8 +100,11 @@ def labelled(episode: Episode, seen: Perceived, touched: Touched | None = None) 
     inputs += [(int(index), BODY) for index in seen.responders]
     board, responders, steps = episode.board, seen.responders.tolist(), len(episode.steps)
     true = true_parents(board, inputs, responders, steps), true_changes(board, responders, steps)
-    deciding = None if touched is None else true_triggers(board, touched.triggers.tolist(), responders, steps)
-    return LabelledTrace(seen.trace, board.world, *true, touched, deciding)
+    triggers = (
+        LabelledTriggers(one, true_triggers(board, one.triggers.tolist(), responders, len(one.acted)))
+        for one in touched
+    )
+    return LabelledTrace(seen.trace, board.world, *true, tuple(triggers))
 
 
 def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int], actions: int) -> np.ndarray:
@@ -109,14 +121,12 @@ def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence
 
 
 def true_triggers(board: BoardSpec, triggers: Sequence[int], responders: Sequence[int], actions: int) -> np.ndarray:
-    """bool (T + 1, O, R), which of these triggers decide which responders on the new board and after each action, by
-    whatever link."""
+    """bool (O, R), which of these triggers decide which responders after so many actions, by whatever link."""
     read = {(ref.object, ref.link) for one in periods(board) for ref in one.relation.triggers}
     links = sorted(one for one in read if one[1] != BODY)
-    of_links = true_parents(board, links, responders, max(1, actions))
+    of_links = true_parents(board, links, responders, max(1, actions))[-1]
     own = np.array([owner for owner, _ in links]) == np.asarray(triggers)[:, None]
-    found = np.einsum("tlr,ol->tor", of_links, own) > 0
-    return np.concatenate([found[:1], found[:actions]])
+    return np.asarray(own.astype(int) @ of_links > 0)
 
 
 def true_changes(board: BoardSpec, responders: Sequence[int], actions: int) -> np.ndarray:

@@ -34,8 +34,9 @@ SHELF = 2**26
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
-APART = 3
-"""Numbers of actions, after which it is learned what links that nobody saw moving decide, lie so far apart."""
+ALONE = (0, 3, 6, 10, 16, 23, 30)
+"""What links decide that nobody saw moving is learned from so many actions of each recording, as if it ended there:
+what counts as a link is found in what was seen until then."""
 MOST = 14.0
 """What was thought to be almost impossible costs no more than this, nats."""
 
@@ -130,13 +131,14 @@ class MechanismLearner(Learner):
             return
         reasoner, known, true = MechanismReasoner(self.network.cpu(), self.config.encoder), [], []
         for number, board in enumerate(self.boards):
-            if board.touched is not None and board.deciding is not None:
-                after, rng = range(0, board.actions + 1, APART), generator(self.seed, "train", number, "reason/unseen")
-                world = board.world if rng.random() >= self.config.untold else ""
-                found, shares, _ = reasoner.explain(board.trace, after, world)
-                pairs = board.touched.pairs(after, shares, found.inputs)
+            rng = generator(self.seed, "train", number, "reason/unseen")
+            world = board.world if rng.random() >= self.config.untold else ""
+            for part in board.triggers:
+                end = [len(part.touched.acted)]
+                found, shares, _ = reasoner.explain(part.touched.trace, end, world)
+                pairs = part.touched.pairs(end, shares, found.inputs)
                 known.append((pairs, world_number(self.config.net, world)))
-                true.append(board.deciding[list(after)])
+                true.append(part.deciding[None])
         if known:
             self.network.unseen.learn(known, true)
         self.network.to(device())
@@ -189,4 +191,5 @@ def _trace(boards: RecordedBoards, number: int, config: MechanismConfig) -> Labe
     seen = perceive(sequence, config.encoder)
     if config.labels == "pictures":
         return LabelledTrace(seen.trace, episode.board.world)
-    return labelled(episode, seen, Touched.of(sequence, seen))
+    parts = [sequence.first(actions + 1) for actions in ALONE if actions <= sequence.steps]
+    return labelled(episode, seen, [Touched.of(one, perceive(one, config.encoder)) for one in parts])

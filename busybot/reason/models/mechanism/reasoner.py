@@ -181,46 +181,54 @@ class MechanismReasoner:
         What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
         evidence alone from the actions until then. Kinds and lags are those of the end.
         """
-        shares, believed = self._after_each(seen)
+        return self._graph(seen, range(seen.steps + 1), *self._after_each(seen))
+
+    def graph_at_the_end(self, seen: BoardSequence) -> InferredGraph:
+        """See `Brief`."""
+        return self._graph(seen, [seen.steps], *self._at_the_end(seen))
+
+    def _graph(
+        self, seen: BoardSequence, after: Sequence[int], shares: np.ndarray, believed: np.ndarray | None
+    ) -> InferredGraph:
+        """Of what is believed after so many actions each, as of `_weighed`; the first may be a new board."""
         known = self._understand(seen)
         links, objects = known.perceived.links, len(seen.triggers)
         owners = np.concatenate([links.owners, known.perceived.responders]).astype(int)
         of_objects = np.zeros((len(known.found.inputs), objects), bool)
         for row, inputs in zip(of_objects, known.found.inputs, strict=True):
             row[owners[inputs]] = True
-        moments = shares.shape[2]
-        pairs = np.zeros((moments, objects, objects))
+        pairs = np.zeros((len(after), objects, objects))
         pairs[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, of_objects)
-        self._with_unseen_links(seen, known, shares, pairs)
-        single = np.zeros((moments, len(links.owners), objects))
+        self._with_unseen_links(seen, known, after, shares, pairs)
+        single = np.zeros((len(after), len(links.owners), objects))
         own = known.found.inputs[:, : len(links.owners)]
         single[:, :, known.perceived.responders] = np.einsum("rhk,hi->kir", shares, own)
         kinds, lags = self._named(known, objects)
         changed = changed_at = None
         if believed is not None:
-            changed, changed_at = np.zeros((seen.steps, objects)), np.full(objects, -1)
-            changed[:, known.perceived.responders] = believed[:, 1:].T
+            changed, changed_at = np.zeros((len(after), objects)), np.full(objects, -1)
+            changed[:, known.perceived.responders] = believed.T
             changed_at[known.perceived.responders] = np.where(known.since, known.since - 1, -1)
-        after = slice(1, None) if moments > 1 else slice(None)
+        steps = slice(1 if after[0] == 0 else 0, None)  # a new board is not after a step
         return InferredGraph(
             self.name,
-            pairs[after],
-            prior=pairs[0],
-            links=InferredLinks(links.clusters, single[1:]),
+            pairs[steps] if len(pairs[steps]) else pairs,
+            prior=pairs[0] if after[0] == 0 else None,
+            links=InferredLinks(links.clusters, single[steps]),
             kinds=kinds,
             lags=lags,
             words=self._in_words(known, objects),
-            changed=changed,
+            changed=None if changed is None else changed[steps],
             changed_at=changed_at,
         )
 
     def _with_unseen_links(
-        self, seen: BoardSequence, known: _Understood, shares: np.ndarray, pairs: np.ndarray
+        self, seen: BoardSequence, known: _Understood, after: Sequence[int], shares: np.ndarray, pairs: np.ndarray
     ) -> None:
         """Put into the probabilities of pairs (K, N, N) that links decide a responder that nobody saw moving."""
         if self._net.unseen is not None:
             touched = Touched.of(seen, known.perceived)
-            told = touched.pairs(range(len(pairs)), shares, known.found.inputs)
+            told = touched.pairs(after, shares, known.found.inputs)
             with torch.no_grad():
                 sure = self._net.unseen(told, world_number(self._net.config, seen.world))
             pairs[np.ix_(np.arange(len(pairs)), touched.triggers, known.perceived.responders)] = sure.numpy()
@@ -296,12 +304,18 @@ class MechanismReasoner:
             (self, "after each"), lambda: self._weighed(study_of(seen, self.encoder).after_each, seen.world)
         )
 
+    def _at_the_end(self, seen: BoardSequence) -> tuple[np.ndarray, np.ndarray | None]:
+        """As `_weighed`, after the last action."""
+        return seen.once(
+            (self, "at the end"), lambda: self._weighed(study_of(seen, self.encoder).at_the_end, seen.world)
+        )
+
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
 
         def understood() -> _Understood:
             study = study_of(seen, self.encoder)
-            shares, changed = self._weighed(study.at_the_end, seen.world)
+            shares, changed = self._at_the_end(seen)
             shares, since = shares[..., 0], np.zeros(len(shares), int)
             if changed is not None:
                 since = np.where(changed[:, 0] > CHANGED, study.changes.places, 0)

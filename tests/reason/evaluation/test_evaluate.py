@@ -12,10 +12,13 @@ from busybot.boards.spec import LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
+from busybot.reason.evaluation import evaluate
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, evaluate_models, judge_episode
 from busybot.reason.evaluation.ground_truth import truth_of
 from busybot.reason.evaluation.summary import JudgedGraph, summarise
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph
+from busybot.reason.models.lookup import Persistence
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode, make_real_episode
 
@@ -193,6 +196,22 @@ def test_models_judged_together_are_judged_as_each_alone(tmp_path: Path) -> None
     together = evaluate_models(dataset, asked, workers=1)
     assert together == [evaluate_dataset(dataset, one, workers=1) for one in asked]
     assert [one["model"] for one in together] == ["count", "persistence"]
+
+
+class Counting(Persistence):
+    """Believes so much of each pair as it has seen actions, in hundredths."""
+
+    def graph(self, seen: BoardSequence) -> InferredGraph:
+        return InferredGraph("counting", np.full((max(1, seen.steps), *seen.candidates.shape), seen.steps / 100))
+
+
+def test_early_beliefs_are_those_of_who_has_seen_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After 3, 7, 10 and 11 actions it is asked anew, after 8 it is judged; it saw all 12 when it tells the rest."""
+    monkeypatch.setattr(evaluate, "reasoner_of", lambda *_: Counting())
+    episode, features = make_episode(steps=12), np.zeros((13, 5, 256), np.float32)
+    told = judge_episode(episode, ReasonEvaluation("persistence", images=9), features).causes
+    assert told is not None
+    assert (100 * told.probabilities[:, 0, 1]).round().tolist() == [0, 12, 12, 3, 12, 12, 12, 7, 8, 12, 10, 11, 12]
 
 
 def test_boards_without_further_steps_or_known_states_have_no_pred_a(tmp_path: Path) -> None:

@@ -153,6 +153,20 @@ def test_parents_at_the_level_of_links() -> None:
     assert (told["link_parent_p"], told["link_parent_r"]) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
 
 
+def test_what_was_believed_without_later_pictures_counts_where_it_is_known() -> None:
+    """After two actions: it takes two contacts for one link, which it says controls the lamp and the toy."""
+    episode, clusters = play([AND, FOLLOWS], (0, 3, 0, 3)), np.array([0, 1, 0, 1])
+    links = InferredLinks(clusters, np.zeros((4, 2, 5)))
+    graph, early = replace(claims((3, 2), steps=4), links=links), np.zeros((2, 1, 5))
+    early[:, 0, [1, 4]] = 1
+    other = replace(claims((0, 1), (0, 4), steps=2, p=0.8), links=InferredLinks(np.zeros(2, int), early))
+    told = judge_causes(watched(episode, images=5), graph, early={2: other, 9: other})
+    assert [(one > 0).sum() for one in told.probabilities] == [0, 1, 2, 1, 1] and told.probabilities[2].max() == 0.8
+    assert told.claimed[2, 0, 1] and not told.claimed[2, 3, 2] and told.claimed[3, 3, 2]
+    assert told.links is not None and told.links[2].tolist() == [[0, 0, 0], [1, 1, 2], [0, 0, 1], [0, 0, 0], [0, 1, 0]]
+    assert told.links[[1, 3, 4], :, 1].sum() == 0
+
+
 # mechanisms and what if
 
 

@@ -15,7 +15,7 @@ from busybot.common.errors import BusybotError
 from busybot.objects.resolve import find
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.inputs.trigger_links import ObservedLinks
-from busybot.reason.models.base import Imagining
+from busybot.reason.models.base import Imagining, believed
 from busybot.reason.models.mechanism.config import Blur, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     LUCK,
@@ -117,6 +117,17 @@ def test_links_that_nobody_saw_moving_count_for_pairs_of_triggers_and_responders
     np.testing.assert_allclose(graph.probabilities[:, [0, 3]][:, :, [1, 2, 4]], told[1:], atol=1e-6)
     assert graph.links is not None and without.links is not None
     np.testing.assert_array_equal(graph.links.after(9), without.links.after(9))
+
+
+def test_what_is_believed_at_the_end_is_told_without_the_rest(watched: BoardSequence) -> None:
+    watched = replace(watched, positions=np.ones_like(watched.positions))
+    for steps in (0, 5, len(PRESSES)):
+        reasoner = MechanismReasoner(Right(unseen=True), "embedded")
+        told, whole = believed(reasoner, watched.first(steps + 1)), reasoner.graph(watched.first(steps + 1))
+        assert len(told.probabilities) == 1 and (told.words, told.kinds) == (whole.words, whole.kinds)
+        np.testing.assert_allclose(told.after(steps), whole.after(steps), atol=1e-6)
+        assert told.links is not None and whole.links is not None
+        np.testing.assert_allclose(told.links.after(steps), whole.links.after(steps), atol=1e-6)
 
 
 def test_before_anything_was_done_there_is_the_prior_alone(watched: BoardSequence) -> None:

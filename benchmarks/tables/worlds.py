@@ -104,8 +104,10 @@ def record(words: list[str]) -> None:
     options.add_argument("--policy", help="a training of the interaction policy, which acts on `explored`")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
-    possible = [name for name in RECORDED if name != BY_POLICY or arguments.policy]
-    sets = runner.chosen(arguments.sets or ",".join(possible), possible)
+    usual = ",".join(name for name in RECORDED if name != BY_POLICY or arguments.policy)
+    sets = runner.chosen(arguments.sets or usual, RECORDED)
+    if BY_POLICY in sets and not arguments.policy:
+        raise SystemExit(f"{BY_POLICY}: nobody is there to act; name a training of the interaction policy by --policy")
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
         for name, (boards, seed) in ((one, RECORDED[one]) for one in sets):
             folder = arguments.data / world / name

@@ -101,8 +101,9 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
                                 ("drawn", "greedy")}},
         "curiosity-recorded": {"gates": {"recorded": {"curious": {"cpu_ms": 120.0}}}},
         "world-plans": {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")},
-        **{name: {locks: {"agents": {"mechanism": plans}} for locks in ("lock-1-to-4", "lock-5-to-8")}
-           for name in ("lock-plans", "lock-plans-curious")},
+        **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
+           for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
+                              ("lock-plans-curious", {}))},
         "camera-gates": {world: {"novel-object": seeds} for world in ("paper", "mixed")},
     }  # fmt: skip
     monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name]})
@@ -116,6 +117,8 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         and told["time: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
+    of_seen = "95.0 (100.0 of the 3 whose links had all moved) ✓"
+    assert told["lock, depth 1 to 4, scripted histories: goals reached"] == of_seen
     assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"
     assert told["mixed, a real camera, novel-object: F1 of links behind the bound, 30"] == "3.0 (3.0) ✓"
 

@@ -73,7 +73,8 @@ def train_reason(
         with told(f"features of {dataset.path.name}") as progress:
             features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
     boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
-    learner = make_learner(config, boards, held_out, seed)
+    with told("boards") as progress:
+        learner = make_learner(config, boards, held_out, seed, progress)
     figures = fit(learner, out, config.loop)
     plot(out, learner.name)
     info = ReasonerInfo(
@@ -110,8 +111,14 @@ def _suited(config: Config, datasets: list[Dataset]) -> Config:
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 
-def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int) -> Learner:
-    """The learner of the model whose parameters these are."""
+def make_learner(
+    config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int, progress: Progress | None = None
+) -> Learner:
+    """The learner of the model whose parameters these are.
+
+    Args:
+        progress: is told of boards that it looks at before it learns, if there is more to them than stored features.
+    """
     if isinstance(config, PaperReasonConfig):
         from busybot.reason.models.paper.learner import PaperLearner
 
@@ -119,7 +126,7 @@ def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoard
     if isinstance(config, MechanismConfig):
         from busybot.reason.models.mechanism.learner import learner_of
 
-        return learner_of(config, boards, held_out, seed)
+        return learner_of(config, boards, held_out, seed, progress)
     from busybot.reason.models.event.learner import EventLearner
 
     return EventLearner(config, boards, held_out, seed)

@@ -13,6 +13,7 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from busybot.common.atomic_io import memory_on_disk
+from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
@@ -174,16 +175,39 @@ class MechanismLearner(Learner):
 
 
 def learner_of(
-    config: MechanismConfig, boards: RecordedBoards, held_out: RecordedBoards, seed: int
+    config: MechanismConfig,
+    boards: RecordedBoards,
+    held_out: RecordedBoards,
+    seed: int,
+    progress: Progress | None = None,
 ) -> MechanismLearner:
-    """A learner from recordings, with as many drawn boards of their worlds as the configuration asks for."""
+    """A learner from recordings, with as many drawn boards of their worlds as the configuration asks for.
+
+    Args:
+        progress: is told of each recorded board that was looked at.
+    """
     worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
-    library, traces = find("procedural"), [_trace(boards, number, config) for number in range(len(boards))]
+    looked = _looked_at([*_places(boards), *_places(held_out)], config, progress)
+    library, traces, judged = find("procedural"), looked[: len(boards)], looked[len(boards) :]
     for world in worlds if config.drawn and config.labels == "parents" else ():
         drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur)
         traces += [trace for _, trace in drawn]
-    judged = [_trace(held_out, number, config) for number in range(len(held_out))]
     return MechanismLearner(config, traces, judged, seed)
+
+
+def _places(boards: RecordedBoards) -> list[tuple[RecordedBoards, int]]:
+    return [(boards, number) for number in range(len(boards))]
+
+
+def _looked_at(
+    places: Sequence[tuple[RecordedBoards, int]], config: MechanismConfig, progress: Progress | None
+) -> list[LabelledTrace]:
+    found = []
+    for boards, number in places:
+        found.append(_trace(boards, number, config))
+        if progress is not None:
+            progress(len(found), len(places))
+    return found
 
 
 def _trace(boards: RecordedBoards, number: int, config: MechanismConfig) -> LabelledTrace:

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from benchmarks.tables.world_gates import digest_of
+from busybot.common.errors import BusybotError
 from busybot.evaluation.statistics import binomial_interval
 from busybot.view.report.page import Grid, markdown, number, plain_grid
 from tools.tables import result, whole
@@ -17,19 +19,24 @@ _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 
 
 def world_gates() -> str:
-    """What trainings from several seeds reach on the test sets: each gate, and the figures that gates are about."""
-    return _reached_gates("world-gates")
-
-
-def validation_gates() -> str:
-    """The same of later weights and eyes, on the sets on which choices may be made."""
-    return _reached_gates("validation-gates")
-
-
-def _reached_gates(name: str) -> str:
-    rows = result(name)["rows"]
-    told = {(world, name): list(seeds.values()) for world, sets in rows.items() for name, seeds in sets.items()}
+    """What trainings from several seeds reach on the validation sets and the test sets: each gate, and the figures that
+    gates are about."""
+    told: _Judged = {}
+    files = [result(name)["rows"] for name in ("validation-gates", "world-gates")]
+    for world in dict.fromkeys(world for rows in files for world in rows):
+        for split, seeds in (cell for rows in files for cell in rows.get(world, {}).items()):
+            told[world, split] = list(seeds.values())
+    _check_judged(told)
     return markdown([_gates_grid(told), _figures_grid(told)])
+
+
+def _check_judged(told: _Judged) -> None:
+    """Refuse rows of models, or of recordings by policies, whose weights differ from set to set."""
+    for judged in ("model", "policy"):
+        weights = {frozenset(digest_of(one[judged]) for one in seeds) for seeds in told.values()}
+        if len(weights) > 1:
+            what = f"world-gates, validation-gates: the {judged} is not that of all sets"
+            raise BusybotError(what, "judge all of them with the same ones; put one result in the place of the other")
 
 
 def _gates_grid(told: _Judged) -> Grid:

@@ -5,9 +5,10 @@
         [--most BOARDS]
 
 DATA is what `benchmarks.tables.worlds record` made: recorded boards of the training split, real objects, of seven
-worlds. All but those called `validation` are trained on; on these, parents of links that were seen are judged. Nothing
-is chosen by them: all trainings are equally long, and the last weights are judged. Each row is compared with the first
-one on the same boards. Rows of a result that are not asked for stay, and trainings that were stopped go on.
+worlds, on which the scripted policy acted. All but those called `validation` are trained on; on these, parents of links
+that were seen are judged. Nothing is chosen by them: all trainings are equally long, and the last weights are judged.
+Each row is compared with the first one on the same boards. Rows of a result that are not asked for stay, and trainings
+that were stopped go on.
 """
 
 import argparse
@@ -23,7 +24,7 @@ from benchmarks.runner import chosen, finish, parser, told_rows
 from benchmarks.studies.bounds import CLAIMED
 from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards
 from benchmarks.tables.world_rows import ENCODER
-from benchmarks.tables.worlds import Recorded
+from benchmarks.tables.worlds import SCRIPTED, Recorded
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.datasets.dataset import INFO_FILE
@@ -194,7 +195,8 @@ def measure(arguments: argparse.Namespace) -> None:
     of_world: dict[str, Boards] = {world: [] for world in worlds}
     held: dict[str, Boards] = {}
     for world in worlds:
-        folders = sorted(path for path in (arguments.data / world).iterdir() if (path / INFO_FILE).exists())
+        there = (arguments.data / world / name for name in sorted(SCRIPTED))
+        folders = [path for path in there if (path / INFO_FILE).exists()]
         for folder in folders:
             read = seen_boards(folder, arguments.assets, arguments.most)
             if folder.name == "validation":

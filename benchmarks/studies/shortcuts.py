@@ -33,8 +33,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks import runner
-from benchmarks.tables.worlds import NAMES, Recorded
-from benchmarks.tables.worlds import RECORDED as RECORDINGS
+from benchmarks.tables.worlds import NAMES, SCRIPTED, Recorded
 from busybot.boards.config import BoardConfig
 from busybot.boards.dynamics import Dynamics
 from busybot.boards.generate import generate_boards
@@ -235,7 +234,7 @@ def _ratio(counted: Sequence[float] | np.ndarray) -> float:
 
 def recorded_boards(folder: Path, assets: str) -> Iterator[tuple[BoardSpec, dict[str, np.ndarray]]]:
     """Boards of all recordings of a world, with what only recordings tell."""
-    for name in RECORDINGS:
+    for name in SCRIPTED:
         data = Recorded.at(folder / name, assets)
         for seen in data.boards():
             board = seen.episode.board

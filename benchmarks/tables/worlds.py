@@ -9,7 +9,7 @@
 `others` for shortcuts and more training, and acts on them by the scripted policy: it takes a random link that
 shows, at a contact and in a direction that move it. Pictures are small, everything else is as ever. No test split is
 looked at. With `--policy`, a training of the interaction policy, `record` makes `explored`, too: for training, acted on
-by that policy as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links than the scripted one.
+by that policy and photographed as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links.
 
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
@@ -75,6 +75,7 @@ PICTURES = ("render.width=320", "render.height=240")
 RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825), "explored": (60, 826)}
 """Number of boards and seed, which no other recording has; nothing but shortcuts is judged on `others`."""
 BY_POLICY = "explored"
+SCRIPTED = tuple(name for name in RECORDED if name != BY_POLICY)
 FEW, CHOOSING, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
@@ -104,8 +105,7 @@ def record(words: list[str]) -> None:
     options.add_argument("--policy", help="a training of the interaction policy, which acts on `explored`")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
-    usual = ",".join(name for name in RECORDED if name != BY_POLICY or arguments.policy)
-    sets = runner.chosen(arguments.sets or usual, RECORDED)
+    sets = runner.chosen(arguments.sets or ",".join(RECORDED if arguments.policy else SCRIPTED), RECORDED)
     if BY_POLICY in sets and not arguments.policy:
         raise SystemExit(f"{BY_POLICY}: nobody is there to act; name a training of the interaction policy by --policy")
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:

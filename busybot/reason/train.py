@@ -73,8 +73,7 @@ def train_reason(
         with told(f"features of {dataset.path.name}") as progress:
             features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
     boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
-    with told("boards") as progress:
-        learner = make_learner(config, boards, held_out, seed, progress)
+    learner = make_learner(config, boards, held_out, seed, told)
     figures = fit(learner, out, config.loop)
     plot(out, learner.name)
     info = ReasonerInfo(
@@ -111,14 +110,8 @@ def _suited(config: Config, datasets: list[Dataset]) -> Config:
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 
-def make_learner(
-    config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int, progress: Progress | None = None
-) -> Learner:
-    """The learner of the model whose parameters these are.
-
-    Args:
-        progress: is told of boards that it looks at before it learns, if there is more to them than stored features.
-    """
+def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int, told: Told) -> Learner:
+    """The learner of the model whose parameters these are, told how far it is with boards that it looks at first."""
     if isinstance(config, PaperReasonConfig):
         from busybot.reason.models.paper.learner import PaperLearner
 
@@ -126,7 +119,8 @@ def make_learner(
     if isinstance(config, MechanismConfig):
         from busybot.reason.models.mechanism.learner import learner_of
 
-        return learner_of(config, boards, held_out, seed, progress)
+        with told("boards looked at") as progress:
+            return learner_of(config, boards, held_out, seed, progress)
     from busybot.reason.models.event.learner import EventLearner
 
     return EventLearner(config, boards, held_out, seed)

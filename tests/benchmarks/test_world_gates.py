@@ -18,6 +18,7 @@ def row(**changes: Any) -> dict[str, Any]:
     """What reaches every gate."""
     point = {"parent_f1": 0.97, "parent_f1_bound": 0.98, "link_parent_f1": 0.95, "link_parent_f1_bound": 0.98}
     return {
+        "model": {}, "policy": {},
         "boards": 2, "after": {number: point for number in ("10", "22", "30")}, "what_if": 0.95, "rewirings": 0,
         "uncertain": [{"images": 4, "ece_uncertain": 0.05}, {"images": 8, "ece_uncertain": None}],
         "pred_a": 0.7, "rewired_found": None, "mechanism_accuracy": 0.85, "mechanism_bound": 0.9,
@@ -29,7 +30,7 @@ def row(**changes: Any) -> dict[str, Any]:
 def tables(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> list[list[list[str]]]:
     """The lines of both tables, without their heads, as cells."""
     rows = {world: {name: {f"seed-{number}": one for number, one in enumerate(seeds)}}}
-    monkeypatch.setattr(gate_tables, "result", lambda _: {"rows": rows})
+    monkeypatch.setattr(gate_tables, "result", lambda file: {"rows": rows if file == "world-gates" else {}})
     found = [grid.splitlines()[2:] for grid in gate_tables.world_gates().strip().split("\n\n")]
     return [[[cell.strip() for cell in line.strip("|").split("|")] for line in grid] for grid in found]
 
@@ -74,6 +75,24 @@ def test_of_several_seeds_the_mean_and_the_worst_are_told(monkeypatch: pytest.Mo
         ["time, validation", "2", "2", "96 / 99", "95 / 95 [95-95] / 95 (98 / 98 / 98)", "80 [75-85] (90)", "88 (89)",
          "90", "70", "95 / 75", "0.10", "5 (4)"]
     ]  # fmt: skip
+
+
+def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    def files(of_test_sets: str) -> dict[str, Any]:
+        model = {"README.md": "later", "weights.safetensors": of_test_sets}
+        test = {"lock": {"novel-config": {"a": row(model=model, what_if=0.8)}}}
+        model = {"README.md": "earlier", "weights.safetensors": "1"}
+        validation = {world: {"validation": {"a": row(model=model)}} for world in ("lock", "mixed")}
+        return {"validation-gates": {"rows": validation}, "world-gates": {"rows": test}}
+
+    monkeypatch.setattr(gate_tables, "result", files("1").get)
+    told = [[cell.strip() for cell in line.strip("|").split("|")] for line in gate_tables.world_gates().splitlines()]
+    assert told[0] == ["percent, or points", "asked", "validation", "novel-config"]
+    assert ["lock: what if", "at least 90", "95.0 ✓", "80.0 ✗"] in told
+    assert ["mixed: what if", "at least 90", "95.0 ✓", ""] in told
+    monkeypatch.setattr(gate_tables, "result", files("2").get)
+    with pytest.raises(BusybotError, match="the model is not that of all sets"):
+        gate_tables.world_gates()
 
 
 @pytest.mark.parametrize(

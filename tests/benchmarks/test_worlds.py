@@ -102,6 +102,12 @@ def test_a_small_table(tmp_path: Path) -> None:
     assert all(one["ahead"] == pytest.approx(one["share"] - told[0]["share"]) for one in told)
 
 
+def test_who_asks_for_boards_that_a_policy_acted_on_says_which(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="explored: nobody is there to act.*--policy"):
+        worlds.record(["--data", str(tmp_path), "--sets", "training,explored"])
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.long
 def test_what_a_row_costs(tmp_path: Path) -> None:
     """From nothing to a row, once: what is done is not run again, and keeps what it cost."""

@@ -298,8 +298,8 @@ def _links_after(episode: Episode, after: Mapping[int, InferredGraph], claimed: 
     graphs = {id(one): one for one in after.values()}
     for one in graphs.values():
         numbers = [number for number, other in after.items() if other is one]
-        if one.links is not None:
-            counts[numbers] = count_links(episode, one.links, one.threshold, claimed, numbers)
+        assert one.links is not None  # a model tells links apart, or it does not
+        counts[numbers] = count_links(episode, one.links, one.threshold, claimed, numbers)
     return counts
 
 

@@ -18,6 +18,8 @@ from busybot.reason.evaluation.hypotheses import NOTHING
 
 CALIBRATED = (4, 8, 12, 16, 22, 30)
 """Numbers of images after which probabilities are judged."""
+EARLY = tuple(sorted({*(images - 1 for images in CALIBRATED), 10}))
+"""After so many actions a model is asked what it believes with no later picture before it."""
 LEAST_PAIRS = 500
 """With fewer uncertain pairs nothing is said about their calibration."""
 FOUND = 0.95
@@ -56,13 +58,13 @@ KEYS: dict[str, str] = {
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
     "itself: who is perfectly calibrated is above it as often as below",
     "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images, of a model that has seen no "
-    "more; of graphs that somebody else inferred, of what they say of that time",
+    "more (of proposed objects it knows the places from all that it is to observe)",
     "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
-    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones. After 3, 7, "
-    "10, 11, 15, 21, 22 and 29 actions the model has seen no more; between these it tells afterwards what it had "
-    "believed, and has found links and looks in all pictures",
-    "actions_until_found, actions_until_found_bound": f"after how many actions F1 is at least {FOUND}; null if it "
-    "never is",
+    "the boards with so many; empty for graphs that somebody else inferred, which tell no earlier ones."
+    f" After {', '.join(map(str, EARLY))} actions, and when all was observed, the model has seen no more; after other "
+    "numbers it tells afterwards what it had believed, and may have found links and looks in later pictures",
+    "actions_until_found, actions_until_found_bound": f"after how many of these actions F1 is at least {FOUND}; null "
+    "if it never is",
     **rewirings.KEYS,
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "

@@ -28,7 +28,7 @@ from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import ACTIONS, Watched, judge_causes
-from busybot.reason.evaluation.causes_summary import CALIBRATED
+from busybot.reason.evaluation.causes_summary import EARLY
 from busybot.reason.evaluation.decoders import (
     DecodedState,
     Linear,
@@ -63,9 +63,6 @@ IMAGES = 23
 
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 """Numbers of observed images after which predictions are judged, beside the number asked for."""
-
-ALONE = tuple(sorted({*(images - 1 for images in CALIBRATED), 10}))
-"""After so many actions a model is asked what it believes with no later picture before it."""
 
 BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
@@ -156,7 +153,8 @@ class _Recording:
         graph, longer, early = told.graph, told.longer, told.early
         spurious, forecast, causes = None, None, None
         if proposed is not None:
-            spurious = proposed.spurious(longer, min(len(episode.steps), ACTIONS))
+            numbers = range(min(len(episode.steps), ACTIONS) + 1)
+            spurious = np.array([proposed.spurious(early.get(number, longer), number) for number in numbers])
             graph, longer = proposed.true_part(graph), proposed.true_part(longer)
             early = {actions: proposed.true_part(one) for actions, one in early.items()}
         read = self.read(judging, told.sequence)
@@ -200,9 +198,11 @@ class _Recording:
         graph = longer = reasoner.graph(sequence.first(judging.images))
         if judging.images <= min(ACTIONS, sequence.steps):
             longer = reasoner.graph(sequence.first(ACTIONS + 1))
-        asked = [actions for actions in ALONE if actions < sequence.steps and actions != judging.images - 1]
-        early = {actions: believed(reasoner, sequence.first(actions + 1)) for actions in asked}
-        return _Told(graph, longer, reasoner, sequence, {**early, judging.images - 1: graph})
+        early = {judging.images - 1: graph}
+        if self.episode.board.relations_known:  # else nobody judges it
+            asked = [actions for actions in EARLY if actions < sequence.steps and actions not in early]
+            early |= {actions: believed(reasoner, sequence.first(actions + 1)) for actions in asked}
+        return _Told(graph, longer, reasoner, sequence, early)
 
 
 class _Read:
@@ -232,7 +232,7 @@ class _Read:
 @dataclass(frozen=True)
 class _Told:
     """What a model says of a board: a graph of the observed images and one that follows it on; who predicts, and with
-    what; None for what infers a graph alone; and what it believes after some numbers of actions, if it has seen no
+    what; None for what infers a graph alone; and what it believes after some numbers of actions, when it has seen no
     more. With proposed objects all of it is at their places."""
 
     graph: InferredGraph

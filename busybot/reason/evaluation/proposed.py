@@ -23,7 +23,7 @@ from busybot.reason.evaluation.graph_files import OVERLAP
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
 from busybot.reason.inputs.steady import steadied
-from busybot.reason.models.base import InferredGraph, InferredLinks, Reasoner, imagine
+from busybot.reason.models.base import InferredGraph, InferredLinks, Reasoner, believed, imagine
 
 GIVEN, PROPOSED = "given", "proposed"
 BOXES = (GIVEN, PROPOSED)
@@ -139,15 +139,11 @@ class Proposed:
             changed_at=None if graph.changed_at is None else graph.changed_at[:count],
         )
 
-    def spurious(self, graph: InferredGraph, steps: int) -> np.ndarray:
-        """What a placed graph claims of phantoms, int (steps + 1, 2): pairs of objects, and links with objects."""
-        count, found = self.objects, np.zeros((steps + 1, 2), int)
-        for number in range(steps + 1):
-            claimed = graph.claimed(number)
-            found[number, 0] = claimed.sum() - claimed[:count, :count].sum()
-            if graph.links is not None:
-                found[number, 1] = (graph.links.after(number)[:, count:] > graph.threshold).sum()
-        return found
+    def spurious(self, graph: InferredGraph, steps: int) -> tuple[int, int]:
+        """How much a placed graph claims of phantoms after so many steps: pairs of objects, and links with objects."""
+        count, claimed, links = self.objects, graph.claimed(steps), graph.links
+        of_links = 0 if links is None else int((links.after(steps)[:, count:] > graph.threshold).sum())
+        return int(claimed.sum() - claimed[:count, :count].sum()), of_links
 
 
 def propose_objects(observed: ObservedEpisode, images: int) -> Proposed:
@@ -235,6 +231,9 @@ class PlacedReasoner:
 
     def graph(self, seen: BoardSequence) -> InferredGraph:
         return self._proposed.placed(self._reasoner.graph(self._seen(seen)))
+
+    def graph_at_the_end(self, seen: BoardSequence) -> InferredGraph:
+        return self._proposed.placed(believed(self._reasoner, self._seen(seen)))
 
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         found = current.copy()

@@ -13,7 +13,8 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.importing import proposals
 from busybot.datasets.importing.proposals import Proposal
 from busybot.episodes.mcap.reader import read_episode
-from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.reason.evaluation import evaluate
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
 from busybot.reason.evaluation.graph_files import GivenGraphs
 from busybot.reason.evaluation.proposed import (
     JudgedProposals,
@@ -24,7 +25,9 @@ from busybot.reason.evaluation.proposed import (
     summarise_proposals,
 )
 from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.lookup import Persistence
 from tests.reason.scenes import Patch, Scene
 
 TINY = Path(__file__).resolve().parents[3] / "datasets" / "tiny"
@@ -134,7 +137,24 @@ def test_what_is_said_of_proposed_objects_is_put_where_they_are() -> None:
     assert true.probabilities.shape == (2, 3, 3) and true.probabilities.sum() == pytest.approx(0.9)
     assert true.changed is not None and true.changed[0].tolist() == [0.3, 0.0, 0.1]
     assert true.changed_at is not None and true.changed_at.tolist() == [6, -1, 4]
-    assert found.spurious(graph, 3).tolist() == [[0, 0], [1, 2], [1, 2], [1, 2]], "pairs, links with a phantom"
+    told = [found.spurious(graph, steps) for steps in range(4)]
+    assert told == [(0, 0), (1, 2), (1, 2), (1, 2)], "pairs, links with a phantom"
+
+
+class AtSeven(Persistence):
+    """Believes everything after seven actions, and nothing before and after."""
+
+    def graph(self, seen: BoardSequence) -> InferredGraph:
+        return InferredGraph("seven", (seen.steps == 7) * np.ones((max(1, seen.steps), 1, 1)) * seen.candidates)
+
+
+def test_phantoms_cost_where_they_were_believed_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluate, "reasoner_of", lambda *_: AtSeven())
+    changing(monkeypatch, lambda found: [*found, moved(next(one for one in found if one.role == "trigger"))])
+    episode = read_episode(Dataset.open(TINY).episode_path(0))
+    told = judge_episode(episode, ReasonEvaluation("persistence", IMAGES, boxes="proposed")).causes
+    assert told is not None and told.spurious is not None
+    assert np.flatnonzero(told.spurious[:, 0]).tolist() == [7] == np.flatnonzero(told.claimed.any((1, 2))).tolist()
 
 
 def test_places_and_numbers_lead_to_each_other() -> None:

@@ -5,7 +5,7 @@
 it goes on learning. The network learns to know early which explanations will; no true relation or state is read.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 import torch
@@ -35,7 +35,7 @@ SHELF = 2**26
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
 """Held-out boards are judged after so many actions."""
-ALONE = (0, 3, 6, 10, 16, 23, 30)
+ENDED = (0, 3, 6, 10, 16, 23, 30)
 """What links decide that nobody saw moving is learned from so many actions of each recording, as if it ended there:
 what counts as a link is found in what was seen until then."""
 MOST = 14.0
@@ -187,33 +187,30 @@ def learner_of(
         progress: is told of each recorded board that was looked at.
     """
     worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
-    looked = _looked_at([*_places(boards), *_places(held_out)], config, progress)
-    library, traces, judged = find("procedural"), looked[: len(boards)], looked[len(boards) :]
+    library, total = find("procedural"), len(boards) + len(held_out)
+    told = progress or (lambda done, of: None)
+    traces = list(_looked_at(boards, config, config.net.unseen, lambda done: told(done, total)))
+    judged = list(_looked_at(held_out, config, False, lambda done: told(len(boards) + done, total)))
     for world in worlds if config.drawn and config.labels == "parents" else ():
         drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur)
         traces += [trace for _, trace in drawn]
     return MechanismLearner(config, traces, judged, seed)
 
 
-def _places(boards: RecordedBoards) -> list[tuple[RecordedBoards, int]]:
-    return [(boards, number) for number in range(len(boards))]
-
-
 def _looked_at(
-    places: Sequence[tuple[RecordedBoards, int]], config: MechanismConfig, progress: Progress | None
-) -> list[LabelledTrace]:
-    found = []
-    for boards, number in places:
-        found.append(_trace(boards, number, config))
-        if progress is not None:
-            progress(len(found), len(places))
-    return found
+    boards: RecordedBoards, config: MechanismConfig, parts: bool, progress: Callable[[int], None]
+) -> Iterator[LabelledTrace]:
+    """What pictures show of recorded boards.
 
-
-def _trace(boards: RecordedBoards, number: int, config: MechanismConfig) -> LabelledTrace:
-    sequence, episode = boards[number], boards.episode(number)
-    seen = perceive(sequence, config.encoder)
-    if config.labels == "pictures":
-        return LabelledTrace(seen.trace, episode.board.world)
-    parts = [sequence.first(actions + 1) for actions in ALONE if actions <= sequence.steps]
-    return labelled(episode, seen, [Touched.of(one, perceive(one, config.encoder)) for one in parts])
+    Args:
+        parts: look at what their first actions alone show, too; there are labels for that.
+    """
+    for number in range(len(boards)):
+        sequence, episode = boards[number], boards.episode(number)
+        seen = perceive(sequence, config.encoder)
+        ended = [sequence.first(actions + 1) for actions in ENDED if parts and actions <= sequence.steps]
+        if config.labels == "pictures":
+            yield LabelledTrace(seen.trace, episode.board.world)
+        else:
+            yield labelled(episode, seen, [Touched.of(one, perceive(one, config.encoder)) for one in ended])
+        progress(number + 1)

@@ -4,19 +4,23 @@ import math
 from dataclasses import replace
 from itertools import product
 from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import torch
 
 from busybot.boards.dynamics import Dynamics
+from busybot.boards.spec import Rewiring
 from busybot.boards.worlds import links_of
 from busybot.common.errors import BusybotError
+from busybot.episodes.episode import Episode
 from busybot.objects.resolve import find
+from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.inputs.trigger_links import ObservedLinks
 from busybot.reason.models.base import Imagining, believed
-from busybot.reason.models.mechanism.config import Blur, MechanismNetConfig
+from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     LUCK,
     MEMORIES,
@@ -30,6 +34,7 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.labelled import LabelledTrace, as_pictured, draw_boards, labelled
 from busybot.reason.models.mechanism.laws import Moment
+from busybot.reason.models.mechanism.learner import _looked_at
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _Understood
@@ -117,6 +122,40 @@ def test_links_that_nobody_saw_moving_count_for_pairs_of_triggers_and_responders
     np.testing.assert_allclose(graph.probabilities[:, [0, 3]][:, :, [1, 2, 4]], told[1:], atol=1e-6)
     assert graph.links is not None and without.links is not None
     np.testing.assert_array_equal(graph.links.after(9), without.links.after(9))
+
+
+class Boards:
+    """A recorded board, one of whose mechanisms changed after nine actions: then the first switch moves the door."""
+
+    def __init__(self, sequence: BoardSequence):
+        episode = play([XOR, FOLLOWS], PRESSES)
+        changed = (Rewiring(step=9, relation=relation("one-to-one", (0,), 2, (1, 0))),)
+        self._sequence = sequence
+        self._episode = replace(episode, board=episode.board.model_copy(update={"rewirings": changed}))
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, index: int) -> BoardSequence:
+        return replace(self._sequence, positions=np.ones_like(self._sequence.positions))
+
+    def episode(self, index: int) -> Episode:
+        return self._episode
+
+
+def test_what_links_decide_that_nobody_saw_moving_is_learned_from_parts_of_recordings(watched: BoardSequence) -> None:
+    """Each shows what it shows by itself; the mechanism that decides at its end is the true one."""
+    told: list[int] = []
+    [board] = _looked_at(cast(RecordedBoards, Boards(watched)), MechanismConfig(), True, told.append)
+    assert told == [1] and board.actions == len(PRESSES)
+    ended = [len(part.touched.acted) for part in board.triggers]
+    assert ended == [0, 3, 6, 10, 16] and [len(part.touched.trace.links) - 1 for part in board.triggers] == ended
+    assert [part.touched.triggers.tolist() for part in board.triggers] == [[0, 3]] * 5
+    before, after = [[1, 0, 0], [1, 1, 0]], [[1, 1, 0], [1, 0, 0]]
+    assert [part.deciding.tolist() for part in board.triggers] == [before, before, before, after, after]
+    assert not list(_looked_at(cast(RecordedBoards, Boards(watched)), MechanismConfig(), False, told.append))[
+        0
+    ].triggers
 
 
 def test_what_is_believed_at_the_end_is_told_without_the_rest(watched: BoardSequence) -> None:

@@ -232,15 +232,16 @@ def judge_causes(
         early: what is believed after some numbers of actions by who has seen no more; elsewhere `graph` tells it,
             which may have found objects' links and looks in later pictures.
     """
-    board, after = watched.episode.board, {number: graph for number in range(watched.followed + 1)}
-    after |= {number: one for number, one in (early or {}).items() if number in after}
-    claimed = np.array([one.claimed(number) for number, one in after.items()]) & watched.candidates
+    board, numbers = watched.episode.board, range(watched.followed + 1)
+    early = {number: one for number, one in (early or {}).items() if number in numbers}
+    after = [early.get(number, graph) for number in numbers]
+    claimed = np.array([one.claimed(number) for number, one in enumerate(after)]) & watched.candidates
     judged = JudgedCauses(
         watched.candidates,
         watched.true,
-        np.array([one.after(number) for number, one in after.items()], np.float32),
+        np.array([one.after(number) for number, one in enumerate(after)], np.float32),
         claimed,
-        links=None if graph.links is None else _links_after(watched.episode, after, claimed),
+        links=None if graph.links is None else _links_after(watched.episode, graph, early, claimed),
     )
     if watched.replayed is None:
         return judged
@@ -292,14 +293,15 @@ def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[in
     return {int(cluster): int(link) for cluster, link in pairs_ if shared[cluster, link]}
 
 
-def _links_after(episode: Episode, after: Mapping[int, InferredGraph], claimed: np.ndarray) -> np.ndarray:
-    """See `count_links`; after each number of actions another graph may tell of links."""
+def _links_after(
+    episode: Episode, graph: InferredGraph, early: Mapping[int, InferredGraph], claimed: np.ndarray
+) -> np.ndarray:
+    """See `count_links`; after some numbers of actions a graph of its own tells of links."""
+    numbers = [number for number in range(len(claimed)) if number not in early]
     counts = np.zeros((*claimed.shape[:2], 3), int)
-    graphs = {id(one): one for one in after.values()}
-    for one in graphs.values():
-        numbers = [number for number, other in after.items() if other is one]
+    for one, own in [(graph, numbers), *((one, [number]) for number, one in early.items())]:
         assert one.links is not None  # a model tells links apart, or it does not
-        counts[numbers] = count_links(episode, one.links, one.threshold, claimed, numbers)
+        counts[own] = count_links(episode, one.links, one.threshold, claimed, own)
     return counts
 
 

@@ -32,6 +32,18 @@ Named = tuple[int, str]
 
 
 @dataclass(frozen=True)
+class LabelledTriggers:
+    """The first T actions of a recording, with what they tell of O triggers.
+
+    Attributes:
+        deciding: bool (O, R), which of these triggers decide which responders after the last of them, by whatever link.
+    """
+
+    touched: Touched
+    deciding: np.ndarray
+
+
+@dataclass(frozen=True)
 class LabelledTrace:
     """A board's trace and what was true.
 
@@ -46,7 +58,7 @@ class LabelledTrace:
     world: str
     parents: np.ndarray | None = None
     changed: np.ndarray | None = None
-    triggers: "tuple[LabelledTriggers, ...]" = ()
+    triggers: tuple[LabelledTriggers, ...] = ()
 
     @property
     def actions(self) -> int:
@@ -68,18 +80,6 @@ class LabelledTrace:
         logs = SCALE * graph["explanation"].evidence[..., EITHER]
         graph["explanation"].later = logs[:, -1:] - logs
         return moments_of(graph, torch.arange(len(after)))
-
-
-@dataclass(frozen=True)
-class LabelledTriggers:
-    """The first T actions of a recording, with what they tell of O triggers.
-
-    Attributes:
-        deciding: bool (O, R), which of these triggers decide which responders after the last of them, by whatever link.
-    """
-
-    touched: Touched
-    deciding: np.ndarray
 
 
 WORKS = 0.97

@@ -18,6 +18,7 @@ from typing import Any
 
 import psutil
 
+from busybot.common.errors import BusybotError, UsageError, naming_extras
 from busybot.evaluation.results import KINDS, read_result, stamp, write_result
 
 BUSYBOT = (sys.executable, "-m", "busybot")
@@ -28,13 +29,23 @@ Benchmark = Callable[[list[str]], None]
 
 
 def one_of(usual: Benchmark, **others: Benchmark) -> None:
-    """Run the benchmark of a module that the first word of the command line names, else the usual one."""
+    """Run the benchmark of a module that the first word of the command line names, else the usual one.
+
+    Wrong input and wrong words are told as `busybot` tells them: the fault and a hint, exit code 1 or 2.
+    """
     words = sys.argv[1:]
     named = others.get(words[0].replace("-", "_")) if words else None
-    if named:
-        named(words[1:])
-    else:
-        usual(words)
+    try:
+        with naming_extras():
+            if named:
+                named(words[1:])
+            else:
+                usual(words)
+    except BusybotError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, UsageError) else 1)
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 def parser(description: str | None, assets: bool = True, out: bool | None = True) -> argparse.ArgumentParser:
@@ -148,7 +159,7 @@ def busybot(*arguments: str) -> dict[str, Any]:
     """Run a command with --json and return what it printed; its progress goes on being shown.
 
     Raises:
-        RuntimeError: the command failed; with the last lines of what it said.
+        BusybotError: the command failed; with the last lines of what it said.
     """
     command = [*BUSYBOT, *arguments, "--json"]
     said: deque[str] = deque(maxlen=5)
@@ -164,7 +175,7 @@ def busybot(*arguments: str) -> dict[str, Any]:
         out.seek(0)
         printed = out.read()
     if process.returncode:
-        raise RuntimeError(" ".join(said))
+        raise BusybotError(f"busybot {arguments[0]}: {' '.join(said)}")
     return dict(json.loads(printed))
 
 

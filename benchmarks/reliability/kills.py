@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import BUSYBOT, chosen, finish, kill_when, parser, settings
+from benchmarks.runner import BUSYBOT, chosen, finish, kill_when, one_of, parser, settings
 from busybot.common.atomic_io import scan, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -246,12 +246,12 @@ def campaign(name: str, subject: Subject, kills: int, seed: int, base: Path) -> 
     }
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False, out=False)
     options.add_argument("--commands", default="collect,freeze,repair", help="of collect, freeze, repair, train")
     options.add_argument("--kills", type=int, default=20, help="of each command")
     options.add_argument("--seed", type=int, default=0, help="of the moments")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="busybot-kills-") as folder:
         known = subjects(Path(folder))
         names = chosen(arguments.commands, known)
@@ -263,4 +263,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

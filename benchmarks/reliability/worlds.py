@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.reliability.kills import POLL_SECONDS, copy
-from benchmarks.runner import BUSYBOT, assets_name, chosen, finish, kill_when, parser, told_rows
+from benchmarks.runner import BUSYBOT, assets_name, chosen, finish, kill_when, one_of, parser, told_rows
 from busybot.boards.config import SPLITS, BoardConfig
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import NOVEL, REWIRED_AT, WORLDS
@@ -189,7 +189,7 @@ def tried(case: Case, library: Library, arguments: Any) -> Row:
     return row
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__)
     options.add_argument(
         "--work", type=Path, required=True, help="for the datasets, which are removed when all is well"
@@ -197,7 +197,7 @@ def main() -> None:
     options.add_argument("--boards", type=int, default=60, help="of each world and split")
     options.add_argument("--seed", type=int, default=0, help="of the boards and of the moments")
     options.add_argument("--worlds", default=",".join((PAPER, *WORLDS)), help="which, in this order")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     library, rows = find(arguments.assets), told_rows(arguments.out, KIND)
     told = {"assets": assets_name(arguments.assets), "rows": rows}
     wanted = cases(chosen(arguments.worlds, (PAPER, *WORLDS)))
@@ -213,4 +213,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -25,7 +25,7 @@ from typing import Any, TypeVar
 import numpy as np
 import psutil
 
-from benchmarks.runner import finish, parser, peak_mb
+from benchmarks.runner import finish, one_of, parser, peak_mb
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
@@ -146,11 +146,11 @@ def memory(library: Library, boards: int) -> dict[str, Any]:
     }
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--boards", type=int, default=5, help="boards to play in the first mode")
     options.add_argument("--memory", type=int, metavar="BOARDS", help="run the second mode over so many boards")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     loading: Times = {}
     library = noted(loading, "objects", lambda: find(arguments.assets))
     result = memory(library, arguments.memory) if arguments.memory else benchmark(library, arguments.boards)
@@ -160,4 +160,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

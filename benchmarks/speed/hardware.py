@@ -35,7 +35,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.runner import finish, load_average, parser, product_seconds, timed, torch_with
+from benchmarks.runner import finish, load_average, one_of, parser, product_seconds, timed, torch_with
 from benchmarks.speed.interact import SEED, record
 from benchmarks.speed.reason import made_up, measure
 from busybot.boards.config import BoardConfig
@@ -294,13 +294,13 @@ def extrapolated(
     return {name: round(one / 60, 1) for name, one in {**seconds, "all": sum(seconds.values())}.items()}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, out=False)
     options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     options.add_argument("--workers", type=int, nargs="+", help="by default doubled up to one per core")
     options.add_argument("--seconds", type=float, default=5.0, help="of each figure of pictures and interactions")
     options.add_argument("--iterations", type=int, default=3, help="of each network")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     choose(arguments.device)
     most, library = default_workers(), find(arguments.assets)
     workers = arguments.workers or sorted({*takewhile(lambda number: number < most, (2**k for k in count())), most})
@@ -325,4 +325,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

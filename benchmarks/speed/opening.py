@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, one_of, parser
 
 ROOT = Path(__file__).resolve().parents[2]
 REPEATS = 10
@@ -53,11 +53,11 @@ print(json.dumps(told))
 """Run by each version; both have had these names since before the checks."""
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--before", type=Path, required=True, help="a checkout of the other version")
     options.add_argument("--rounds", type=int, default=7)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="busybot-opening-") as scratch:
         figures = measured(arguments, Path(scratch))
     finish("opening", arguments, figures)
@@ -91,4 +91,4 @@ def measured(arguments: argparse.Namespace, scratch: Path) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

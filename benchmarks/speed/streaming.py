@@ -23,7 +23,7 @@ from typing import Any
 import pyarrow as pa
 
 from benchmarks.reliability.s3 import BUCKET, CREDENTIALS, TINY, serving
-from benchmarks.runner import finish, load_average, parser
+from benchmarks.runner import finish, load_average, one_of, parser
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.tables import episode_rows
 
@@ -108,12 +108,12 @@ def first_batch(folder: Path, address: str, delay: float) -> dict[str, Any]:
     return {"seconds": seconds, "bytes_received": relay.received, "requests": relay.requests, **told}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--server", type=Path, required=True)
     options.add_argument("--episodes", type=int, nargs="+", default=[12, 120, 1200])
     options.add_argument("--delay", type=float, default=0.03, help="seconds that a request is held up")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     os.environ |= CREDENTIALS
     load = load_average()
     with tempfile.TemporaryDirectory(prefix="busybot-streaming-") as scratch:
@@ -132,4 +132,4 @@ def _rows(arguments: argparse.Namespace, scratch: Path) -> Iterator[dict[str, An
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

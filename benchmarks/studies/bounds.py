@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import assets_name, chosen, finish, parser, told_rows
+from benchmarks.runner import assets_name, chosen, finish, one_of, parser, told_rows
 from busybot.boards.config import BoardConfig
 from busybot.boards.dynamics import Dynamics, Triggers
 from busybot.boards.generate import generate_boards
@@ -280,16 +280,16 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         yield {"assets": assets_name(arguments.assets), "works": WORKS, "rows": kept}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__)
     options.add_argument("--boards", type=int, default=60, help="of each cell with random choice")
     options.add_argument("--greedy", type=int, default=12, help="of each cell with greedy choice")
     options.add_argument("--only", help="`table` and names of worlds, separated by commas")
     options.add_argument("--seed", type=int, default=0)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     for figures in measure(arguments):
         finish(KIND, arguments, figures)
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

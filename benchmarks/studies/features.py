@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import rankdata
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, one_of, parser
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
@@ -181,7 +181,7 @@ def study(arguments: argparse.Namespace) -> dict[str, Any]:
     return result
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--train", type=Path, required=True, help="recorded dataset of the training split")
     options.add_argument("--novel", type=Path, nargs="*", default=[], help="recorded datasets of other splits")
@@ -189,11 +189,11 @@ def main() -> None:
     options.add_argument("--weights", type=Path)
     options.add_argument("--assets", help="objects, if they are not found by their hashes")
     options.add_argument("--store", type=Path, help="keep the features here instead of beside the datasets")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     figures = study(arguments)
     data = {split: {"content_hash": told["content_hash"]} for split, told in figures["datasets"].items()}
     finish("features", arguments, figures, hashes={"data": data})
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, one_of, parser
 from busybot.common.errors import BusybotError
 from busybot.evaluation.results import package_versions
 from busybot.objects.importing.auto_annotation import RULES_VERSION, decide
@@ -147,10 +147,10 @@ def brief(row: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in row.items() if name != "agrees"} | {"disagrees": disagrees}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--assets", type=Path, required=True, help="the 58 annotated objects")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     library = Library.load(arguments.assets)
     known = [compare(model, True) for model in library.objects.values()]
     blind = [compare(model, False) for model in library.objects.values()]
@@ -173,4 +173,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from benchmarks.runner import chosen, finish, parser, told_rows
+from benchmarks.runner import chosen, finish, one_of, parser, told_rows
 from benchmarks.studies.bounds import CLAIMED
 from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards
 from benchmarks.tables.world_rows import ENCODER
@@ -231,4 +231,4 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from benchmarks.runner import chosen, finish, parser
+from benchmarks.runner import chosen, finish, one_of, parser
 from benchmarks.studies.bounds import CLAIMED, DRAWS, Drawn
 from busybot.boards.worlds import WORLDS
 from busybot.common.rng import generator
@@ -125,7 +125,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     return {"boards": len(trained), "judged": arguments.judged, "training": figures, "rows": rows}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--work", type=Path, required=True, help="folder of the training")
     options.add_argument("--boards", type=int, default=400, help="of each world to train on")
@@ -133,9 +133,9 @@ def main() -> None:
     options.add_argument("--iterations", type=int, default=3000)
     options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
     options.add_argument("--seed", type=int, default=0)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     finish(KIND, arguments, measure(arguments))
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import finish, parser, told_rows
+from benchmarks.runner import finish, one_of, parser, told_rows
 from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from busybot.common.atomic_io import sha256_of
 from busybot.common.process_pool import share
@@ -212,7 +212,7 @@ def _known(predicted: JudgedPrediction) -> np.ndarray:
     return np.asarray((legible & predicted.right[BOUND])[:, predicted.judged].all(axis=1))
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded dataset")
     options.add_argument("--model", action="append", required=True, metavar="NAME=FOLDER", help="trained model")
@@ -222,7 +222,7 @@ def main() -> None:
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--workers", type=int, default=1)
     options.add_argument("--figure", type=Path, help="draw the result, too, F.png")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     figures = measure(arguments)
     models = {name: {"weights": one["weights"]} for name, one in figures["models"].items()}
     data = {one["name"]: one["content_hash"] for one in (figures["dataset"], figures["png"]) if one}
@@ -272,4 +272,4 @@ def _origin(folder: str) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -25,7 +25,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from benchmarks.runner import finish, parser
+from benchmarks.runner import finish, one_of, parser
 from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
 from busybot.reason.encoders import keras_weights
@@ -132,10 +132,10 @@ def apart(weights: dict[str, Tensor], archive: Path, rgb: np.ndarray) -> dict[st
     return {"at_the_border": float(difference.max()), "within": float(difference[..., 2:-2, 2:-2].max())}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--photographs", type=Path, required=True, help="folder of packages that bring photographs")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     archive = keras_weights.archive()
     weights, members = keras_weights.converted(archive), keras_weights.members_of(archive)
     network = WholeNetwork().eval()
@@ -161,4 +161,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -264,15 +264,15 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         yield {"assets": runner.assets_name(arguments.assets), "within": WITHIN, "rows": kept}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--data", type=Path, required=True, help="recordings of `benchmarks.tables.worlds record`")
     options.add_argument("--boards", type=int, default=1000, help="of each world, for what needs no simulator")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     for figures in measure(arguments):
         runner.finish(KIND, arguments, figures, seed=SEED)
 
 
 if __name__ == "__main__":
-    main()
+    runner.one_of(main)

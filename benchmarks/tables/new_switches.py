@@ -120,4 +120,4 @@ def main(words: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    runner.one_of(main)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
+from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
 from busybot.sim.scene.real_camera import REAL
@@ -87,7 +88,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         commands.append(("train", "interact", "--out", model, *options))
         try:
             told = runner.train(Path(model), *commands[0])
-        except RuntimeError as error:
+        except BusybotError as error:
             if NOTHING_LEARNED not in str(error):
                 raise
             told = {"commands": [runner.as_typed(commands[0], places)], "machine": machine(), "commit": commit()}
@@ -113,7 +114,7 @@ def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
     return {"model_sha256": provenance["model"].get("sha256"), "constants": constants}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for models and results; continued if it exists")
     usual = ",".join(name for name in ROWS if name not in ON_REQUEST)
@@ -121,7 +122,7 @@ def main() -> None:
     options.add_argument("--boards", type=int, default=200, help="per split")
     options.add_argument("--judge-seed", type=int, default=JUDGE_SEED, help="of the boards that rows are judged on")
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     result: dict[str, Any] = {
         "assets": runner.assets_name(arguments.assets),
         "judge_seed": arguments.judge_seed,
@@ -137,4 +138,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    runner.one_of(main)

@@ -23,7 +23,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import assets_name, busybot, chosen, finish, generating, parser, told_rows
+from benchmarks.runner import assets_name, busybot, chosen, finish, generating, one_of, parser, told_rows
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
@@ -145,4 +145,4 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

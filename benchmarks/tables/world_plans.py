@@ -30,6 +30,7 @@ from benchmarks.runner import (
     chosen,
     finish,
     generating,
+    one_of,
     option,
     parser,
     settings,
@@ -106,7 +107,7 @@ def _grouped(told: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]
     return {group: {name: share for one in told for name, share in one[group].items()} for group in told[0]}
 
 
-def main() -> None:
+def main(words: list[str] | None = None) -> None:
     options = parser(__doc__)
     options.add_argument("--model", type=Path, required=True, help="trained model of the variant mechanism")
     options.add_argument("--work", type=Path, required=True, help="for tasks, histories and evaluations")
@@ -116,11 +117,11 @@ def main() -> None:
     )
     options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}
     for result in measured(arguments):
         finish(KIND, arguments, result, hashes=hashes, seed=SEED)
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -11,7 +11,7 @@ from benchmarks import runner
 from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
 from benchmarks.tables import table1, table2, table3
 from benchmarks.tables.table2 import DETAILS, SCORES, across
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
 from busybot.evaluation.results import read_result, stamp, write_result
@@ -84,6 +84,20 @@ def test_the_first_word_may_name_another_benchmark_of_a_module(monkeypatch: pyte
     assert told == "python -m benchmarks.tables.table3 decision-time --boards 2"
 
 
+@pytest.mark.parametrize(("raised", "code"), [(BusybotError, 1), (UsageError, 2)])
+def test_wrong_input_is_told_without_a_traceback(
+    raised: type[BusybotError], code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(words: list[str]) -> None:
+        raise raised("boards: there are none", "make some")
+
+    monkeypatch.setattr("sys.argv", ["table3"])
+    with pytest.raises(SystemExit) as stopped:
+        one_of(refuse)
+    assert stopped.value.code == code
+    assert capsys.readouterr().err == "error: boards: there are none\n  hint: make some\n"
+
+
 def test_planning_with_what_ships_has_its_own_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[str, ...]] = []
 
@@ -154,7 +168,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     def answer(*arguments: str) -> dict[str, Any]:
         asked.append(arguments)
         if "responders=false" in arguments:
-            raise RuntimeError("round 0: no recorded action succeeded, so there is nothing to learn")
+            raise BusybotError("round 0: no recorded action succeeded, so there is nothing to learn")
         if arguments[0] == "train":
             return {"training": {"seed": 1}}
         keys = dict.fromkeys((*table1.KEYS, "commit", "dataset", "versions"), 0.5)

@@ -92,7 +92,8 @@ def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:
     found = []
     if world in ("gates", "time") and split != "novel-mechanism":
         found += [_Gate(f"F1 of links behind the bound, {one}", lag, 0.04, False) for one, lag in behind.items()]
-        lag = told["mechanism_bound"] - (told["mechanism_accuracy"] or 0)
+        known = told["mechanism_accuracy"]
+        lag = None if known is None else told["mechanism_bound"] - known
         found.append(_Gate("mechanisms behind the bound", lag, 0.08, False))
     if split == "novel-mechanism":
         found.append(_Gate("F1 of links behind the bound, 30, novel mechanisms", behind[30], 0.08, False))

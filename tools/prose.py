@@ -251,7 +251,7 @@ def _said(name: str, cells: Cells, found: dict[str, RowFound]) -> Iterator[tuple
 def _plans() -> str:
     """On how many tasks the whole differs from prediction alone, and the paper's agents with the paper's network."""
     told = result("table3")
-    same = _never_differing(told["tasks"] * len([*product(NOVEL, GOALS)]), "our models")
+    same = _never_differing(told["tasks"] * len([*product(NOVEL, GOALS)]), "the first of our models")
     return f"{same}\n\n{_plans_of_the_papers_network()}"
 
 

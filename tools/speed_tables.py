@@ -109,7 +109,7 @@ def reproduced() -> str:
         f"{told['seconds'] / 60:.1f} minutes "
         f"on {told['machine']['cores']} cores, with {told['commands']} commands:"
     )
-    return markdown([Text(words), plain_grid(["seconds"], rows, "stage")])
+    return markdown([Text(words), plain_grid(["CPU-seconds"], rows, "folder")])
 
 
 def scale() -> str:

@@ -113,6 +113,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     if options.out.exists() and read_json(options.out).get("camera", "clean") != options.camera:
         raise UsageError(f"{options.out}: its boards were seen by another camera", "name another file")
     models = options.models.split(",")
+    if len({Path(model).name for model in models}) < len(models):
+        raise UsageError(f"{options.models}: two models have one name", "name each folder of a model otherwise")
     hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
     policy = policy_of(options)
     for world in chosen(options.only, ALL) if options.only else ALL:

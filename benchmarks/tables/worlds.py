@@ -53,7 +53,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.statistics import two_level_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, judge_causes, law_of
+from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, count_parents, judge_causes, law_of
 from busybot.reason.evaluation.causes_summary import summarise_causes
 from busybot.reason.evaluation.decoders import NearestState, judged_objects
 from busybot.reason.evaluation.evaluate import IMAGES, ReasonEvaluation, judge_episode, origin
@@ -257,7 +257,7 @@ def observer_of(judged: JudgedCauses) -> JudgedCauses:
 def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dict[str, Any]:
     """Parents after each of `ACTIONS` at both levels, and what is asked after 22."""
     told = summarise_causes([*judged], IMAGES, None, seed)
-    objects = [[_columns(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
+    objects = [[count_parents(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
     found = {"boards": len(judged), "object": _parents(judged, objects, seed)}
     links = [None if one.links is None else [one.links[k] for k in ACTIONS] for _, one in judged]
     if any(one is not None for one in links):
@@ -267,16 +267,11 @@ def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dic
     return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism}
 
 
-def _columns(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """int (N, 3): rightly claimed, claimed and true parents of each object."""
-    return np.stack([(claimed & true).sum(0), claimed.sum(0), true.sum(0)], axis=1)
-
-
 def _parents(judged: Judged, counts: Sequence[Sequence[np.ndarray]], seed: int) -> dict[str, Any]:
     """By number of actions; intervals by a bootstrap over objects and their boards.
 
     Args:
-        counts: of each board and number of actions int (N, 3), as `_columns`.
+        counts: of each board and number of actions int (N, 3), as of `count_parents`.
     """
     found = {}
     for place, actions in enumerate(ACTIONS):
@@ -348,7 +343,7 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for part in runner.chosen(arguments.parts, (*PARTS, LEARNED)):
         for world in worlds:
             told = rows.setdefault(world, {})
-            if part in told and not arguments.again:
+            if _is_there(part, told, arguments.model) and not arguments.again:
                 continue
             print(f"{world}, {part}", file=sys.stderr, flush=True)
             told[part] = _part(part, world, told, arguments)
@@ -356,6 +351,13 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 "assets": runner.assets_name(arguments.assets),
                 "rows": {one: rows[one] for one in NAMES if one in rows},
             }
+
+
+def _is_there(part: str, told: dict[str, Any], model: Path | None) -> bool:
+    """Whether a world has a part already, of what a model learned that of this one's weights."""
+    if part not in told or part != LEARNED or model is None:
+        return part in told
+    return file_hashes(find_folder(model, "reason")) in [row["model"] for row in told[part].values()]
 
 
 def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:

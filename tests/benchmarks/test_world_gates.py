@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from benchmarks.tables import world_gates
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.evaluation.results import read_result
 from tools import gate_tables
@@ -154,6 +154,13 @@ def test_two_frozen_boards_are_judged_once(tmp_path: Path) -> None:
     evaluation.write_text(json.dumps({**values, "what_if": 0.123}))
     world_gates.main(words)
     assert read_result(out, "world-gates")["rows"]["gates"]["validation"]["mechanism"]["what_if"] == 0.123
+
+
+def test_models_of_one_name_are_refused(tmp_path: Path) -> None:
+    words = ["--work", str(tmp_path), "--models", "one/model,other/model", "--out", str(tmp_path / "gates.json")]
+    with pytest.raises(UsageError, match="two models have one name"):
+        world_gates.main(words)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.long

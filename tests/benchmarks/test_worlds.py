@@ -1,6 +1,7 @@
 """The table of worlds and its shortcuts: what rows see, what they claim, and that a whole run of a small one works."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from benchmarks.studies.bounds import Symbolic, play
 from benchmarks.studies.shortcuts import compared
 from benchmarks.tables import worlds
 from benchmarks.tables.world_rows import ACTIONS, DiscoveryConfig, Samples, detected, granger, pc
-from benchmarks.tables.worlds import Recorded
+from benchmarks.tables.worlds import LEARNED, Recorded, _is_there
 from busybot.boards.dynamics import Triggers
 from busybot.common.rng import generator
 from busybot.evaluation.results import read_result
 from busybot.reason.evaluation.ground_truth import trace_of
+from busybot.training.model_cards import file_hashes, find_folder
 
 ABSENT = "causal-learn is not installed: `make extras`"
 
@@ -106,6 +108,15 @@ def test_who_asks_for_boards_that_a_policy_acted_on_says_which(tmp_path: Path) -
     with pytest.raises(SystemExit, match="explored: nobody is there to act.*--policy"):
         worlds.record(["--data", str(tmp_path), "--sets", "training,explored"])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_model_of_other_weights_is_judged_beside_one_that_was() -> None:
+    shipped = Path("mechanism")
+    told: dict[str, Any] = {"rows": {}, LEARNED: {"mechanism": {"model": {"weights.safetensors": "0"}}}}
+    assert _is_there("rows", told, None) and not _is_there("discovery", told, None)
+    assert not _is_there(LEARNED, told, shipped)
+    told[LEARNED]["mechanism"] = {"model": file_hashes(find_folder(shipped, "reason"))}
+    assert _is_there(LEARNED, told, shipped)
 
 
 @pytest.mark.long

@@ -413,8 +413,9 @@ def _encoder_of(judging: ReasonEvaluation) -> str | None:
 
 def _summarised(judged: list[JudgedGraph], judging: ReasonEvaluation, seed: int) -> dict[str, Any]:
     """All metrics; a graph from a file says nothing of earlier actions."""
-    earlier: dict[str, Any] = {} if judging.given is None else {"discovery": [], "actions_until_found": None}
-    return {**summarise(judged, judging.images, seed), **earlier, "given": judging.given is not None}
+    told, given = summarise(judged, judging.images, seed), judging.given is not None
+    earlier: dict[str, Any] = {"discovery": [], "actions_until_found": None, "uncertain_by_images": []} if given else {}
+    return {**told, **earlier, "given": given}
 
 
 def _check(judging: ReasonEvaluation, training: Dataset | None) -> None:

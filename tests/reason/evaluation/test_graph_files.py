@@ -69,6 +69,7 @@ def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: 
     (tmp_path / "all.json").write_text(json.dumps([told, *({"board": i, "edges": []} for i in (1, 3))]))
     result = evaluate_dataset(dataset, ReasonEvaluation(given=read_graphs(tmp_path / "all.json")), workers=1)
     assert result["boards"] == 3 and result["edge_r"] > 0
+    assert result["discovery"] == result["uncertain_by_images"] == [], "a file says nothing of earlier actions"
 
 
 WRONG = {

@@ -33,6 +33,8 @@ EITHER, LEFT, SCALE = 2, 14, 5.0
 """Two of its columns, and a unit."""
 WITNESSES = 2
 """Numbers that are counted of an input of an explanation."""
+LARGEST = 80.0
+"""Of the logarithm of a ratio: float32 ends not far beyond. A simpler explanation so far ahead is believed anyway."""
 FEWEST = 1e-3
 """Of the functions that agree with what was shown at least so many are left; sums of rounded shares may be none."""
 RECENT = 10
@@ -233,7 +235,8 @@ def _if_every_input_matters(found: Explanations, logs: Tensor, shown: Tensor) ->
     parts, signs = torch.from_numpy(found.parts), torch.from_numpy(found.signs)[..., None]
 
     def left(counts: Tensor) -> Tensor:
-        share = ((counts[:, parts] - counts[:, :, None]).exp() * signs).sum(2)
+        apart = (counts[:, parts] - counts[:, :, None]).clamp(max=LARGEST)  # or exp would be infinite
+        share = (apart.exp() * signs).sum(2)
         return share.clamp(min=FEWEST).log() + counts
 
     return left(logs + functions) - left(functions)

@@ -1,7 +1,8 @@
 """Labelled traces: recorded boards as pictures show them, and boards that are drawn and moved without a simulator.
 
-Labels are the true parents of boards of the training split (amortised inference). Nothing else that is privileged is
-read, and nothing at all when boards are judged.
+Labels are the true parents of boards of the training split, from which step on others were, and which objects and
+links were held (amortised inference); of drawn boards also how many states links have. Nothing else that is privileged
+is read, and nothing at all when boards are judged.
 """
 
 from collections.abc import Iterator, Sequence

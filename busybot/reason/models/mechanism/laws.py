@@ -284,10 +284,9 @@ class Laws:
 
     def _key(self, moment: Moment, laws: list[_Law]) -> tuple[object, ...]:
         """Equal where the same will follow."""
-        late = max((law.late for law in laws), default=0)
-        rows = moment.rows[: late + 1] if late else ()
+        late = [tuple(row[one] for row in moment.rows[: law.late] for one in law.inputs) for law in laws]
         memories = [law.context(moment, own) for law, own in zip(laws, moment.shown, strict=True) if law.ways]
-        return moment.links, moment.shown, rows, tuple(memories)
+        return moment.links, moment.shown, tuple(late), tuple(memories)
 
     def words(self, number: int, names: Sequence[str]) -> str:
         """What decides a responder, for people.

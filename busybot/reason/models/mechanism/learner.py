@@ -34,7 +34,7 @@ SHELF = 2**26
 """Bytes of one file."""
 JUDGED_AT_ONCE = 16
 JUDGED_AFTER = (4, 10, 22, 30)
-"""Held-out boards are judged after so many actions."""
+"""Held-out boards are judged after so many actions, or after all of them."""
 ENDED = (0, 3, 6, 10, 16, 23, 30)
 """What links decide that nobody saw moving is learned from so many actions of each recording, as if it ended there:
 what counts as a link is found in what was seen until then."""
@@ -164,7 +164,9 @@ class MechanismLearner(Learner):
     def judge(self) -> Mapping[str, float]:
         """Loss on held-out boards."""
         self.network.eval()
-        self._judged = self._judged or [self.graph(board, JUDGED_AFTER) for board in self.held_out]
+        self._judged = self._judged or [
+            self.graph(board, [min(after, board.actions) for after in JUDGED_AFTER]) for board in self.held_out
+        ]
         total, count = 0.0, 0
         for start in range(0, len(self._judged), JUDGED_AT_ONCE):
             batch = Batch.from_data_list(self._judged[start : start + JUDGED_AT_ONCE])

@@ -119,6 +119,27 @@ def test_plans_are_as_short_as_any(memory: str) -> None:
             assert shows(mechanism, walk(flips)) != wanted[0]
 
 
+def test_states_from_which_the_same_follows_are_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a responder that follows two of four links late nothing is to be remembered but these two."""
+    monkeypatch.setattr("busybot.reason.models.mechanism.laws.NODES", 60)
+    rng, links = np.random.default_rng(0), [np.zeros(4, int)]
+    for link in rng.integers(4, size=120):
+        links.append(links[-1] ^ (np.arange(4) == link))
+    seen = np.array(links)
+    late = np.vstack([seen[:1], seen[:1], seen[:-2]])
+    shown = np.stack([late[:, 0] & late[:, 1], seen[:, 2]], axis=1)
+    inputs, memory = np.array([[1, 1, 0, 0, 0, 0], [0, 0, 1, 0, 0, 0]], bool), ["late 2", "late 0"]
+    laws = Laws((2,) * 4, inputs, np.array([MEMORIES.index(one) for one in memory]), np.eye(2), seen, shown)
+
+    def flips(moment: Moment) -> Iterator[Links]:
+        yield moment.links
+        yield from (tuple(np.array(moment.links) ^ (np.arange(4) == link)) for link in range(4))
+
+    start, wanted = Moment.new((0,) * 4, (0, 0)), {0: 1, 1: 1}
+    way = laws.plan(start, wanted, flips, 8)
+    assert len(way) == 4 and laws.reaches(start, way, wanted)
+
+
 def walk(flips: Sequence[int | None]) -> list[Links]:
     now, found = [0, 0], []
     for flip in flips:

@@ -3,6 +3,7 @@
 import math
 from itertools import combinations, product
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -263,6 +264,28 @@ def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> N
     graph["responder"].odds = torch.full((trace.responders.shape[1], 1, 3), 300.0)
     change = MechanismNet(MechanismNetConfig())(Batch.from_data_list([graph]))[2]
     assert change is not None and bool(change.isfinite().all())
+
+
+def test_what_is_counted_of_hundreds_of_actions_stays_a_number() -> None:
+    """What shows by chance alone is explained far better without any of the inputs than with them."""
+    links = walk(2, 250)
+    trace = Trace(links, np.random.default_rng(0).integers(2, size=(251, 1)), (2, 2))
+    told = evidence_of(trace, explanations_of(trace), [50, 250])
+    assert bool(told.explanations.isfinite().all())
+
+
+@pytest.mark.parametrize("labels", ["parents", "pictures"])
+def test_held_out_boards_may_be_shorter_than_others(
+    gates: list[LabelledTrace], labels: Literal["parents", "pictures"]
+) -> None:
+    def of(board: LabelledTrace, actions: int) -> LabelledTrace:
+        assert board.parents is not None and board.changed is not None
+        true = (board.parents[:actions], board.changed[:actions]) if labels == "parents" else ()
+        return LabelledTrace(board.trace.first(actions), board.world, *true)
+
+    config = MechanismConfig(labels=labels, net=MechanismNetConfig(changes=labels == "parents"))
+    held_out = [of(board, actions) for board, actions in zip(gates, (12, 30), strict=False)]
+    assert math.isfinite(MechanismLearner(config, held_out, held_out, 0).judge()["loss"])
 
 
 def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace]) -> None:

@@ -7,7 +7,7 @@
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
         --history curious --policy FOLDER --out benchmarks/results/lock-plans-curious.json
 
-For each world boards of the training split with a task (seed 824, which nothing was trained on) are made, the scripted
+For each world boards of the training split with a task (seed 829, which nothing was trained on) are made, the scripted
 policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
 `mechanism` with MODEL, a trained model of that variant; `search`, `random`, `noop` and `oracle` with what ships with
 busybot. No test split is looked at. Every command resumes, so this one does.
@@ -42,7 +42,7 @@ from busybot.common.errors import UsageError
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
-KIND, SEED, STEPS = "world-plans", 824, 30
+KIND, SEED, STEPS = "world-plans", 829, 30
 LOCKS = {
     "lock-1-to-4": settings("depth=[1,4]"),
     "lock-5-to-8": settings("depth=[5,8]", "links=[9,12]"),

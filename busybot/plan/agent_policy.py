@@ -79,7 +79,7 @@ class Decision:
 
     Attributes:
         answer: its answer.
-        repeats: contacts of the history that it could choose.
+        repeats: contacts of the history that it could choose; of those that changed no picture the one that it chose.
         proposed: candidates of the interaction model, None if it was not asked.
         cpu_ms: processor time from the picture to the answer, the model's part in it included.
         model_ms: of that, the interaction model's.
@@ -133,14 +133,17 @@ class AgentPolicy:
             repeats=self._contacts.repeats(observation),
             propose=lambda: self._contacts.propose(observation),
             rng=rng,
+            unrewarded=self._contacts.unrewarded(observation),
         )
         answer = self._agent.decide(situation)
         proposed: tuple[Contact, ...] | None = vars(situation).get("candidates")
-        if isinstance(answer, Act) and answer.contact not in (*situation.repeats, *(proposed or ())):
+        again = tuple(one for one in situation.unrewarded if isinstance(answer, Act) and answer.contact is one)
+        repeats = (*situation.repeats, *again)
+        if isinstance(answer, Act) and answer.contact not in (*repeats, *(proposed or ())):
             what = f"agent {self.name} took hold of a contact that it was not offered"
-            raise BusybotError(what, "answer with one of `repeats` or `candidates` of the same situation")
+            raise BusybotError(what, "answer with one of `repeats`, `unrewarded` or `candidates` of the same situation")
         model_ms = 1000 * (self._contacts.proposing_s - asked)
-        self.decisions.append(Decision(answer, situation.repeats, proposed, _ms_since(began), model_ms))
+        self.decisions.append(Decision(answer, repeats, proposed, _ms_since(began), model_ms))
         return None if isinstance(answer, Stop) else Action(answer.contact.pixel, (answer.direction,))
 
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:

@@ -33,6 +33,10 @@ class ContactProposals(Protocol):
         """What worked in the history."""
         return ()
 
+    def unrewarded(self, seen: Observation) -> tuple[Contact, ...]:
+        """What changed no picture in the history."""
+        return ()
+
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """What seems possible now."""
         ...
@@ -69,6 +73,9 @@ class LearnedProposals(ContactProposals, Generic[V]):
     def repeats(self, seen: Observation) -> tuple[Contact, ...]:
         return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked >= 0).tolist())
 
+    def unrewarded(self, seen: Observation) -> tuple[Contact, ...]:
+        return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked < 0).tolist())
+
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """The interaction model's candidates, the most promising first."""
         began = time.process_time()
@@ -102,12 +109,14 @@ class LearnedProposals(ContactProposals, Generic[V]):
             self._memory.failed(Failure(contact.pixel, {pair: float(contact.pairs[pair])}))
 
     def _again(self, step: int, depth: np.ndarray) -> Contact:
-        """What worked in a step of the history, as the picture shows its pixel now."""
-        directions, worked = np.zeros(len(DIRECTIONS)), self._briefing.worked[step]
-        directions[worked], directions[OPPOSITE[worked]] = SURE, SURE / 2
+        """What was done in a step of the history, as the picture shows its pixel now."""
+        directions, worked = np.zeros(len(DIRECTIONS)), int(self._briefing.worked[step])
+        first = worked if worked >= 0 else int((DIRECTIONS @ self._briefing.history.actions[step, 3:]).argmax())
+        directions[first], directions[OPPOSITE[first]] = SURE, SURE / 2
         u, v = self._briefing.pixels[step].tolist()
-        region = int(self._memory.links[v, u])
-        return sure_contact(self._observed, (u, v), self._rays.point(depth, (u, v)), region, directions, step)
+        region, place = int(self._memory.links[v, u]), self._rays.point(depth, (u, v))
+        belief = SURE if worked >= 0 else 0.0
+        return sure_contact(self._observed, (u, v), place, region, directions, step, belief)
 
 
 def sure_contact(
@@ -117,10 +126,11 @@ def sure_contact(
     region: int,
     directions: np.ndarray,
     step: int = -1,
+    belief: float = SURE,
 ) -> Contact:
-    """A contact of which it is known that something can be moved there."""
+    """A contact of which it is known that something can be moved there, unless another belief is told."""
     return Contact(
-        pixel, position, trigger_at(observed, pixel), region, SURE, directions, pair_scores(directions), step
+        pixel, position, trigger_at(observed, pixel), region, belief, directions, pair_scores(directions), step
     )
 
 

@@ -118,6 +118,7 @@ class DecisionState:
         repeats: where actions of the history worked, as the picture shows these pixels now; they cost nothing.
         propose: asks the interaction model; use `candidates`.
         rng: of all draws.
+        unrewarded: as `repeats`, where actions of the history changed no picture: some may have moved something small.
     """
 
     features: np.ndarray
@@ -125,6 +126,7 @@ class DecisionState:
     repeats: tuple[Contact, ...]
     propose: Callable[[], tuple[Contact, ...]] = field(repr=False)
     rng: np.random.Generator = field(repr=False)
+    unrewarded: tuple[Contact, ...] = ()
 
     @cached_property
     def candidates(self) -> tuple[Contact, ...]:
@@ -137,7 +139,7 @@ class Act:
     """Take hold of an offered contact and move it.
 
     Attributes:
-        contact: one of `repeats` or `candidates`.
+        contact: one of `repeats`, `unrewarded` or `candidates`.
         direction: index into DIRECTIONS; its opposite is tried where it changes nothing.
         why: for people.
         responder: the object that is meant to change, `NOBODY` for none in particular.

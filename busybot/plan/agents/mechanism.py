@@ -8,6 +8,8 @@
    does.
 4. A link that does not give is held while the responders look so; if it moved whenever some responder looked otherwise,
    that one holds it.
+5. Whether an action moved its link is not always seen: the picture may change by what an earlier action does late, and
+   hardly by a small link. What responders show then and later tells which is more probable.
 
 Each action is decided anew after looking. Links are moved by what moved them in the history, else by the interaction
 model's candidate that is nearest.
@@ -15,7 +17,7 @@ model's candidate that is nearest.
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +29,11 @@ from busybot.reason.models.base import Reasoner
 from busybot.reason.models.mechanism.laws import Links, Moment
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 
+MOVED, SILENT, SEEN, WAITED, PROPOSED = 0.98, 0.95, 0.05, 0.05, 0.8
+"""How probably an action moved its link if the picture changed; if it did not, as with this link before; if it did not,
+though it did before; if it was meant to move none. What the interaction model proposes is so much less sure."""
+BELIEFS = 8
+"""So many beliefs of where links stand are kept, the most probable ones."""
 UNKNOWN = -1
 """State of a responder whose look in the goal was never seen."""
 NEAR = 0.02
@@ -81,7 +88,8 @@ class MechanismAgent:
         self._briefing = briefing
         self._perceived, self._laws = self._reasoner.laws(briefing.history)
         self._locks, self._tried, self._used = Locks(), Counter[tuple[int, int]](), Counter[int]()
-        self._moment = self._laws.begin(self._perceived.trace.links[0], self._shown(briefing.history.features[0]))
+        start = self._laws.begin(self._perceived.trace.links[0], self._shown(briefing.history.features[0]))
+        self._beliefs = [(0.0, start)]  # log probabilities, the most probable first
         self._read_history()
         self._known = 0
         self._meant: int | None = None  # the link that is to be moved, NOBODY for none
@@ -141,21 +149,45 @@ class MechanismAgent:
                     if 0 <= other < size:
                         yield (*moment.links[:link], other, *moment.links[link + 1 :])
 
+    @property
+    def _moment(self) -> Moment:
+        """What is most probable of the board."""
+        return self._beliefs[0][1]
+
     def _learn(self, attempt: PastAction) -> None:
         """What came of an action: where its link stands now, and what the responders show."""
-        links, meant = np.array(self._moment.links, int), self._meant
-        shown = self._shown(attempt.after)
-        silent = not attempt.reward and meant in self._silent and not self._tried[attempt.contact.pixel]
-        if (attempt.reward or silent) and meant != NOBODY:
-            direction = DIRECTIONS[attempt.executed[-1] if attempt.reward else attempt.direction]
-            action = np.array([*attempt.contact.position, *direction])
-            links = self._perceived.moved(links, action, attempt.contact.trigger)
+        meant, before = self._meant, self._moment
+        silent = not attempt.reward and meant in self._silent
+        chance = MOVED if attempt.reward else SILENT if silent else SEEN
+        chance *= 1.0 if attempt.contact.step >= 0 else PROPOSED
+        moved = self._weigh(attempt, WAITED if meant == NOBODY else chance)
         self._tried[attempt.contact.pixel] += not attempt.reward
         if meant is not None and meant != NOBODY:
             self._used[meant] += 1
             if not silent:
-                self._locks.add(meant, self._moment.shown, bool(links[meant] != self._moment.links[meant]))
-        self._moment = self._laws.learn(self._moment, tuple(links.tolist()), shown)
+                self._locks.add(meant, before.shown, moved)
+
+    def _weigh(self, attempt: PastAction, chance: float) -> bool:
+        """Each belief with a link moved and without, by how well it agrees with what shows; the laws learn from the
+        most probable one.
+
+        Returns:
+            whether a link moved, by that one.
+        """
+        shown, direction = self._shown(attempt.after), attempt.executed[-1] if attempt.reward else attempt.direction
+        action, found = np.array([*attempt.contact.position, *DIRECTIONS[direction]]), []
+        for weight, moment in self._beliefs:
+            led = self._perceived.moved(np.array(moment.links, int), action, attempt.contact.trigger)
+            for links, share in ((tuple(led.tolist()), chance), (moment.links, 1 - chance)):
+                if share:
+                    told = weight + np.log(share) + self._laws.agreement(moment, links, shown)
+                    found.append((float(told), moment, links))
+        found.sort(key=lambda one: -one[0])
+        (most, before, links), *others = found[:BELIEFS]
+        self._beliefs = [(0.0, self._laws.learn(before, links, shown))]
+        for weight, moment, other in others:
+            self._beliefs.append((weight - most, replace(moment.acted(other, self._laws.sizes), shown=shown)))
+        return links != before.links
 
     def _act(self, situation: DecisionState, links: Links, why: str) -> Act | None:
         """The action that should leave the links so; None if nothing can be taken hold of."""
@@ -174,10 +206,10 @@ class MechanismAgent:
         directions, before = self._perceived.links.directions[link], self._moment.links[link]
         way = directions[before, after] - directions[after, before]
         found: list[tuple[tuple[int, bool, int], Contact, int]] = []
-        for one in situation.repeats:
-            if clusters[one.step] == link:
-                same = (states[one.step], states[one.step + 1]) == (before, after)
-                direction = int(self._briefing.worked[one.step]) if same else _nearest(way, one)
+        for one in (*situation.repeats, *situation.unrewarded):
+            same = (states[one.step], states[one.step + 1]) == (before, after)
+            if clusters[one.step] == link and (same or one.belief):
+                direction = one.choices[0] if same else _nearest(way, one)
                 found.append(((self._tried[one.pixel], not self._still_there(one), 1 - same), one, direction))
         if not found or min(rank for rank, *_ in found) > (0, False, 1):
             for one in situation.candidates:
@@ -191,13 +223,17 @@ class MechanismAgent:
         return float(np.linalg.norm(np.asarray(contact.position) - held)) < NEAR
 
     def _wait(self, situation: DecisionState, why: str) -> Act | None:
-        """An action that moves nothing: across the way in which something gave."""
-        self._meant = NOBODY
-        if not situation.repeats:
+        """An action that moves nothing: across all ways in which a link gave."""
+        self._meant, found = NOBODY, []
+        for one in situation.repeats:
+            link = int(self._perceived.links.clusters[one.step])
+            ways = [DIRECTIONS[self._briefing.worked[one.step]], *self._perceived.links.directions[link].reshape(-1, 3)]
+            along = np.abs(DIRECTIONS @ np.array(ways).T).max(1)
+            found.append((float(along.min()), one, int(along.argmin())))
+        if not found:
             return None
-        contact = situation.repeats[0]
-        across = np.abs(DIRECTIONS @ DIRECTIONS[self._briefing.worked[contact.step]]).argmin()
-        return Act(contact, int(across), f"waits: {why}")
+        _, contact, across = min(found, key=lambda one: one[0])
+        return Act(contact, across, f"waits: {why}")
 
     def _anything(self, situation: DecisionState, differing: np.ndarray) -> Act | Stop:
         """A candidate on something that was never moved, else on the link that was moved least."""

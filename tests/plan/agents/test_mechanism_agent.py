@@ -1,6 +1,6 @@
 """The agent that plans with mechanisms, on boards without pictures whose laws it is told rightly."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 import pytest
@@ -48,7 +48,10 @@ class Knowing(MechanismReasoner):
         return perceived, Laws((2, 2), inputs, memory, np.eye(3), trace.links, trace.responders)
 
 
-def briefing_of(episode: Episode, goal: Sequence[int], presses: Sequence[int]) -> TaskContext:
+def briefing_of(
+    episode: Episode, goal: Sequence[int], presses: Sequence[int], unseen: Collection[int] = ()
+) -> TaskContext:
+    """Of a recording in which no picture told of moves of the `unseen` switches."""
     seen, clusters = sequence_of(episode), np.array([SWITCHES.index(pressed) for pressed in presses])
     states = np.array([episode.steps[0].trigger_states_before, *(one.trigger_states_after for one in episode.steps)])
     directions = np.zeros((STATES, STATES, 3))
@@ -60,46 +63,57 @@ def briefing_of(episode: Episode, goal: Sequence[int], presses: Sequence[int]) -
 
     history = BoardSequence(**seen.arrays, watch=watch)
     worked = np.array([step.executed[-1] for step in episode.steps])
+    worked[np.isin(presses, [*unseen])] = -1
     asked = looks_of(np.array(goal)) * seen.responders[:, None]
     return TaskContext(history, np.array([(10 * one, 0) for one in clusters]), worked, asked, 0.5, 8)
 
 
 def played(
-    relations: Sequence[Relation], told: Told, goal: Sequence[int], stuck: int = 0, presses: Sequence[int] = PRESSES
+    relations: Sequence[Relation],
+    told: Told,
+    goal: Sequence[int],
+    stuck: Collection[int] = (),
+    presses: Sequence[int] = PRESSES,
+    unseen: Collection[int] = (),
 ) -> tuple[list[Act], Stop | None, tuple[int, ...]]:
-    """What was done, why it ended, and what shows then; so many of the first actions fail."""
+    """What was done, why it ended, and what shows then; the actions `stuck` fail, and no picture tells of moves of the
+    `unseen` switches."""
     episode = play(relations, presses)
-    briefing, law = briefing_of(episode, goal, presses), Dynamics(episode.board, LINKS)
+    briefing, law = briefing_of(episode, goal, presses, unseen), Dynamics(episode.board, LINKS)
     agent, now = MechanismAgent(Knowing(told)), [0, 0]
     agent.start(briefing)
     state, attempts, acts = law.start((0, 0)), [], []
     for number in range(briefing.steps):
         looks = looks_of(np.array(state.shown)) * briefing.history.responders[:, None]
-        repeats = tuple(contact(k, briefing) for k in range(len(presses)))
-        answer = agent.decide(DecisionState(looks, tuple(attempts), repeats, tuple, np.random.default_rng(0)))
+        seen, not_seen = (
+            tuple(contact(k, briefing) for k, one in enumerate(presses) if (one in unseen) == quiet)
+            for quiet in (False, True)
+        )
+        answer = agent.decide(DecisionState(looks, tuple(attempts), seen, tuple, np.random.default_rng(0), not_seen))
         if isinstance(answer, Stop):
             return acts, answer, state.shown
         acts.append(answer)
         link, way = SWITCHES.index(answer.contact.trigger), answer.direction
-        moves = way in (PUSH, OPPOSITE[PUSH]) and number >= stuck
+        moves = way in (PUSH, OPPOSITE[PUSH]) and number not in stuck
         executed = (way, int(OPPOSITE[way]))
         if moves and (way == PUSH) == (now[link] == 0):
             executed = (way,)
         now[link] ^= moves
         before, state = state, law.step((now[0], now[1]), state)
         after = looks_of(np.array(state.shown)) * briefing.history.responders[:, None]
-        changed = moves or before.shown != state.shown
+        changed = (moves and answer.contact.trigger not in unseen) or before.shown != state.shown
         attempts.append(PastAction(answer.contact, way, executed, changed, looks, after))
     return acts, None, state.shown
 
 
 def contact(step: int, briefing: TaskContext) -> Contact:
-    directions = np.zeros(18)
-    directions[briefing.worked[step]] = 0.97
+    directions, worked = np.zeros(18), briefing.worked[step]
+    directions[worked if worked >= 0 else int((DIRECTIONS @ briefing.history.actions[step, 3:]).argmax())] = 0.97
     place = np.array([*briefing.history.actions[step, :2], 0], np.float32)
     pixel = (int(briefing.pixels[step][0]), 0)
     trigger = int(briefing.history.acted[step])
-    return Contact(pixel, place, trigger, 1, 0.97, directions, pair_scores(directions), step)
+    belief = 0.97 if worked >= 0 else 0.0
+    return Contact(pixel, place, trigger, 1, belief, directions, pair_scores(directions), step)
 
 
 RIGHT: Told = {0: ((0, 1), "late 0"), 1: ((1,), "late 0")}
@@ -126,8 +140,22 @@ def test_what_was_never_met_is_tried() -> None:
 
 
 def test_a_failure_is_tried_again() -> None:
-    acts, stop, _ = played([AND, FOLLOWS], RIGHT, (-1, 0, 0, -1, 0), stuck=1)
+    acts, stop, _ = played([AND, FOLLOWS], RIGHT, (-1, 0, 0, -1, 0), stuck=[0])
     assert [act.contact.trigger for act in acts] == [3, 3] and stop == Stop(REACHED)
+
+
+def test_what_an_earlier_action_does_late_is_no_sign_of_a_move() -> None:
+    """The lamp lights while the second switch sticks: the door would have followed that one."""
+    late, goal = relation("delay", (0,), 1, (0, 1), actions=1), (-1, 1, 0, -1, 0)
+    acts, stop, shown = played([late, FOLLOWS], {0: ((0,), "late 1"), 1: ((1,), "late 0")}, goal, stuck=[1])
+    assert [act.contact.trigger for act in acts] == [0, 3, 3] and stop == Stop(REACHED)
+    assert shown[1:3] == (1, 0)
+
+
+def test_a_switch_that_no_picture_tells_of_is_moved_as_it_was() -> None:
+    acts, stop, shown = played([AND, FOLLOWS], RIGHT, (-1, 1, 0, -1, 0), unseen=[0])
+    assert sorted(act.contact.trigger for act in acts) == [0, 3] and stop == Stop(REACHED)
+    assert shown[1:3] == (1, 0)
 
 
 def test_links_are_held_as_experience_says() -> None:

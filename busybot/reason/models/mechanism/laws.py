@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import softmax
 
 from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
@@ -29,6 +30,8 @@ KEPT = 8
 """Explanations of a responder that are kept."""
 NEVER = 10_000
 """Actions since a press that never was."""
+MISREAD = 0.02
+"""How often a look is taken for another one."""
 NODES = 3000
 """A plan is looked for among so many states of the board."""
 
@@ -147,12 +150,16 @@ class _Law:
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
+    def probability(self, context: tuple[int, ...], state: int, ways: int) -> float:
+        """Of a state after a context, as often as it followed so far."""
+        counts, few = self.counts.get(context, [0] * STATES), UNSURE if self.own else SURE
+        return (counts[state] + few) / (sum(counts) + few * ways)
+
     def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
         """That a state followed a context; or that it has rested for long."""
-        counts, few = self.counts.setdefault(context, [0] * STATES), UNSURE if self.own else SURE
         self._unmet = None
-        self.weight += float(np.log((counts[state] + few) / (sum(counts) + few * ways)))
-        counts[state] += 1
+        self.weight += float(np.log(self.probability(context, state, ways)))
+        self.counts.setdefault(context, [0] * STATES)[state] += 1
         if self.fails:
             told = RESTED[state] if rested else ATTEMPTS[context[-1], state]
             self.goals[context[:-1]] = self.goals.get(context[:-1], 0.0) + told
@@ -270,6 +277,18 @@ class Laws:
         for links in way:
             moments.append(self._after(moments[-1], links, laws, {}))
         return moments
+
+    def agreement(self, moment: Moment, links: Links, shown: tuple[int, ...]) -> float:
+        """Log probability of what shows after an action that left the links so, by all laws that are kept."""
+        after, total = moment.acted(links, self.sizes), 0.0
+        for laws, ways, before, state in zip(self._laws, self._ways, moment.shown, shown, strict=True):
+            shares = softmax([law.weight for law in laws])
+            told = sum(
+                share * law.probability(law.context(after, before), state, ways)
+                for share, law in zip(shares, laws, strict=True)
+            )
+            total += float(np.log((1 - MISREAD) * told + MISREAD / ways))
+        return total
 
     def _after(self, moment: Moment, links: Links, laws: list[_Law], hoped: dict[int, int]) -> Moment:
         after, shown = moment.acted(links, self.sizes), list(moment.shown)

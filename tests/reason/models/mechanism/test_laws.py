@@ -174,6 +174,15 @@ def test_what_was_never_met_is_hoped_for_and_a_wrong_law_loses() -> None:
     assert [law.inputs for law in wrong.best()] == [(1,)]
 
 
+def test_what_agrees_with_laws_is_more_probable() -> None:
+    laws, start = laws_of("late 0", AND, *watched(AND, 40)), Moment.new((0, 1), (0,))
+    lit, dark = (laws.agreement(start, (1, 1), (state,)) for state in (1, 0))
+    assert np.exp(lit) + np.exp(dark) == pytest.approx(1) and lit > dark
+    new = laws_of("late 0", AND, np.array([(0, 0), (1, 0)]), np.zeros((2, 1), int))
+    told = [new.agreement(start, (1, 1), (state,)) for state in (1, 0)]
+    assert lit > told[0] and told[1] > dark, "it was never met"
+
+
 def test_laws_are_told_in_words() -> None:
     names = ["object 0", "object 3", "object 1"]
     told = {

@@ -43,7 +43,7 @@ def _of_few(words: list[str]) -> list[str]:
 @pytest.mark.parametrize(
     ("guide", "made"),
     [
-        ("worlds", ["results/planned/result.json", "report/index.html"]),
+        ("worlds", ["results/planned/result.json", "report/report.html"]),
         ("reason", ["curve.png", "beliefs.png", "mechanisms.png"]),
         ("plan", ["sequence.png"]),
         ("share-a-dataset", ["back/boards.jsonl", "tables/graph.parquet"]),

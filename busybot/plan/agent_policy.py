@@ -133,12 +133,12 @@ class AgentPolicy:
             repeats=self._contacts.repeats(observation),
             propose=lambda: self._contacts.propose(observation),
             rng=rng,
-            unrewarded=self._contacts.unrewarded(observation),
+            look_again=lambda: self._contacts.unrewarded(observation),
         )
         answer = self._agent.decide(situation)
         proposed: tuple[Contact, ...] | None = vars(situation).get("candidates")
-        again = tuple(one for one in situation.unrewarded if isinstance(answer, Act) and answer.contact is one)
-        repeats = (*situation.repeats, *again)
+        looked: tuple[Contact, ...] = vars(situation).get("unrewarded", ())
+        repeats = (*situation.repeats, *(one for one in looked if isinstance(answer, Act) and answer.contact is one))
         if isinstance(answer, Act) and answer.contact not in (*repeats, *(proposed or ())):
             what = f"agent {self.name} took hold of a contact that it was not offered"
             raise BusybotError(what, "answer with one of `repeats`, `unrewarded` or `candidates` of the same situation")

@@ -118,7 +118,7 @@ class DecisionState:
         repeats: where actions of the history worked, as the picture shows these pixels now; they cost nothing.
         propose: asks the interaction model; use `candidates`.
         rng: of all draws.
-        unrewarded: as `repeats`, where actions of the history changed no picture: some may have moved something small.
+        look_again: looks where actions of the history changed no picture; use `unrewarded`.
     """
 
     features: np.ndarray
@@ -126,12 +126,17 @@ class DecisionState:
     repeats: tuple[Contact, ...]
     propose: Callable[[], tuple[Contact, ...]] = field(repr=False)
     rng: np.random.Generator = field(repr=False)
-    unrewarded: tuple[Contact, ...] = ()
+    look_again: Callable[[], tuple[Contact, ...]] = field(default=tuple, repr=False)
 
     @cached_property
     def candidates(self) -> tuple[Contact, ...]:
         """The interaction model's candidates on the current picture, one per region; asked for when first read."""
         return self.propose()
+
+    @cached_property
+    def unrewarded(self) -> tuple[Contact, ...]:
+        """As `repeats`, where actions of the history changed no picture: some may have moved something small."""
+        return self.look_again()
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """The agent that plans with mechanisms, on boards without pictures whose laws it is told rightly."""
 
 from collections.abc import Collection, Sequence
+from functools import partial
 
 import numpy as np
 import pytest
@@ -89,7 +90,8 @@ def played(
             tuple(contact(k, briefing) for k, one in enumerate(presses) if (one in unseen) == quiet)
             for quiet in (False, True)
         )
-        answer = agent.decide(DecisionState(looks, tuple(attempts), seen, tuple, np.random.default_rng(0), not_seen))
+        rng = np.random.default_rng(0)
+        answer = agent.decide(DecisionState(looks, tuple(attempts), seen, tuple, rng, partial(tuple, not_seen)))
         if isinstance(answer, Stop):
             return acts, answer, state.shown
         acts.append(answer)

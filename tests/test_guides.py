@@ -46,9 +46,9 @@ def _of_few(words: list[str]) -> list[str]:
         ("worlds", ["results/planned/result.json", "report/report.html"]),
         ("reason", ["curve.png", "beliefs.png", "mechanisms.png"]),
         ("plan", ["sequence.png"]),
-        ("share-a-dataset", ["back/boards.jsonl", "tables/graph.parquet"]),
-        ("tasks", ["tasks/boards.jsonl"]),
-        ("scenes", ["stove/boards.jsonl"]),
+        ("share-a-dataset", ["back/boards", "tables/graph.parquet"]),
+        ("tasks", ["tasks/boards"]),
+        ("scenes", ["stove/boards"]),
     ],
 )
 def test_commands_of_a_guide_run(guide: str, made: list[str], tmp_path: Path) -> None:

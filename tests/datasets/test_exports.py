@@ -432,7 +432,7 @@ def test_the_guides_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     made = {command.split()[6] for command in commands} - {"tables"}
     assert {path.name for path in tmp_path.iterdir()} == {"DATASET", *made}
     back = re.findall(r"^    busybot (dataset import .*)$", GUIDE.read_text(), re.MULTILINE)
-    assert len(back) == 1 and busybot(*back[0].split()).returncode == 0 and Dataset.open(Path("again")).info.boards == 3
+    assert len(back) == 1 and busybot(*back[0].split()).returncode == 0 and Dataset.open(Path("back")).info.boards == 3
 
 
 def test_an_unknown_format_is_wrong_usage(tmp_path: Path) -> None:

@@ -221,7 +221,7 @@ def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
     network()
     ours, _, theirs = told(relation=0.6, predictive=0.95, busybot=0.953).partition("| percent, with the paper's")
     assert rows_of(theirs)["relations alone, open loop against both"] == ["-20.0 (0.001)"] * 4
-    assert "With our models, on none of these 200 tasks" in ours and "none of these 120 tasks" in theirs
+    assert "With the first of our models, on none of these 200 tasks" in ours and "none of these 120 tasks" in theirs
     assert "ends at 3.0 %" in " ".join(theirs.split())
     rows = rows_of(ours)
     assert rows["BusyBot: relations and prediction"] == ["95.3 ± 2.0"] * 4

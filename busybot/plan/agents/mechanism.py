@@ -177,11 +177,10 @@ class MechanismAgent:
         shown, direction = self._shown(attempt.after), attempt.executed[-1] if attempt.reward else attempt.direction
         action, found = np.array([*attempt.contact.position, *DIRECTIONS[direction]]), []
         for weight, moment in self._beliefs:
-            led = self._perceived.moved(np.array(moment.links, int), action, attempt.contact.trigger)
-            for links, share in ((tuple(led.tolist()), chance), (moment.links, 1 - chance)):
-                if share:
-                    told = weight + np.log(share) + self._laws.agreement(moment, links, shown)
-                    found.append((float(told), moment, links))
+            led = tuple(self._perceived.moved(np.array(moment.links, int), action, attempt.contact.trigger).tolist())
+            for links, share in ((led, chance), (moment.links, 1 - chance)) if led != moment.links else ((led, 1.0),):
+                told = weight + np.log(share) + self._laws.agreement(moment, links, shown)
+                found.append((float(told), moment, links))
         found.sort(key=lambda one: -one[0])
         (most, before, links), *others = found[:BELIEFS]
         self._beliefs = [(0.0, self._laws.learn(before, links, shown))]
@@ -226,9 +225,10 @@ class MechanismAgent:
         """An action that moves nothing: across all ways in which a link gave."""
         self._meant, found = NOBODY, []
         for one in situation.repeats:
-            link = int(self._perceived.links.clusters[one.step])
-            ways = [DIRECTIONS[self._briefing.worked[one.step]], *self._perceived.links.directions[link].reshape(-1, 3)]
-            along = np.abs(DIRECTIONS @ np.array(ways).T).max(1)
+            link, ways = int(self._perceived.links.clusters[one.step]), DIRECTIONS[[self._briefing.worked[one.step]]]
+            if link >= 0:
+                ways = np.vstack([ways, self._perceived.links.directions[link].reshape(-1, 3)])
+            along = np.abs(DIRECTIONS @ ways.T).max(1)
             found.append((float(along.min()), one, int(along.argmin())))
         if not found:
             return None

@@ -26,8 +26,9 @@ def test_sets(root: Path = ROOT) -> str:
     found: dict[tuple[str, ...], list[tuple[dict[str, Any], int]]] = {}
     for entry in entries:
         for name, counted in entry["sets"].items():
+            camera = ", a real camera" if (entry.get("recordings") or {}).get("camera") else ""
             for objects, boards in counted.items():
-                key = (name, objects, entry["kind"], entry["who"], entry["model"][:8])
+                key = (name, f"{objects}{camera}", entry["kind"], entry["who"], entry["model"][:8])
                 found.setdefault(key, []).append((entry, boards))
     if not found:
         return NONE

@@ -1,9 +1,9 @@
 """A log of every judging on the test sets of datasets/worlds, so that everybody sees how often they were used.
 
 In a checkout of the repository each evaluation of boards of a frozen test set leaves a file in `datasets/judgements`:
-who was judged, by a hash of the model's files, on how many of the set's boards, and the main figures. It is one small
-file a judging, so that nothing that git tracks is changed, and two branches never conflict. docs/results/judgements.md
-is made from them. Elsewhere there is no log.
+who was judged, by a hash of the model's files, on how many of the set's boards, recorded by whom and before which
+camera, and the main figures. It is one small file a judging, so that nothing that git tracks is changed, and two
+branches never conflict. docs/results/judgements.md is made from them. Elsewhere there is no log.
 """
 
 import hashlib
@@ -56,6 +56,7 @@ def log_judgement(dataset: Dataset, boards: Iterable[int], who: str, result: Map
         "models": models,
         "sets": found,
         "board_hash": dataset.hashes().board,
+        "recordings": _recordings(dataset),
         "seed": result.get("seed"),
         "commit": result.get("commit"),
         "versions": result.get("versions"),
@@ -68,6 +69,16 @@ def log_judgement(dataset: Dataset, boards: Iterable[int], who: str, result: Map
     except (BusybotError, OSError):  # a checkout that may only be read
         return None
     return name
+
+
+def _recordings(dataset: Dataset) -> dict[str, Any] | None:
+    """Who recorded them, and what their camera does that a clean one does not; None where nothing is recorded."""
+    collect = dataset.info.collect
+    if collect is None:
+        return None
+    camera = collect.settings.get("render", {}).get("camera", {})
+    unclean = {name: value for name, value in camera.items() if value}
+    return {"policy": collect.policy, "content_hash": dataset.hashes().content, "camera": unclean}
 
 
 def judged_sets(dataset: Dataset, boards: Iterable[int]) -> dict[str, dict[str, int]]:

@@ -10,6 +10,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo
 from busybot.evaluation import judgements
 from busybot.evaluation.judgements import log_judgement
 from busybot.objects.resolve import find
@@ -55,6 +56,21 @@ def test_each_judging_of_a_test_set_is_entered(checkout: Path, boards: Dataset) 
     assert [one["sets"] for one in told] == [{"gates/novel-config": {"made": count}} for count in (2, 2, 1)]
     assert told[0]["model"] == told[1]["model"] != told[2]["model"] and told[2]["figures"] == {"parent_f1": 0.75}
     assert (told[0]["who"], told[0]["seed"], told[0]["commit"], told[0]["kind"]) == ("m", 3, "c", "reason")
+
+
+def test_what_a_real_camera_saw_is_told_apart(checkout: Path, boards: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    enter(boards)
+    seen = {"render": {"camera": {"noise": 0.01, "hand": 0.0}}}
+    collect = CollectInfo(policy="learned", steps=30, settings=seen)
+    monkeypatch.setattr(boards, "info", boards.info.model_copy(update={"collect": collect}))
+    enter(boards)
+    clean, real = entries(checkout)
+    assert clean["recordings"] is None
+    assert (real["recordings"]["policy"], real["recordings"]["camera"]) == ("learned", {"noise": 0.01})
+    assert [line.split("|")[2].strip() for line in page.test_sets(checkout).splitlines()[2:]] == [
+        "made",
+        "made, a real camera",
+    ]
 
 
 def test_other_weights_are_another_model(checkout: Path, boards: Dataset) -> None:

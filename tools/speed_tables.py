@@ -101,7 +101,7 @@ def hardware() -> str:
 
 
 def reproduced() -> str:
-    """What a run of the smoke profile costs, stage by stage."""
+    """What a run of the smoke profile costs, by the folders that its stages write into."""
     told = result("reproduce")
     rows = [(stage, [f"{seconds:.0f}"]) for stage, seconds in told["stages"].items()]
     words = (

@@ -21,7 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import BUSYBOT, busybot, finish, parser
+from benchmarks.runner import BUSYBOT, busybot, finish, one_of, parser
 
 TINY = Path(__file__).parents[2] / "datasets" / "tiny"
 BUCKET = "frozen"
@@ -95,10 +95,10 @@ def _without_credentials(scratch: Path, pointer: Path, to: tuple[str, ...]) -> d
     return {"exit": done.returncode, "traceback": "Traceback" in done.stderr, "left": left}
 
 
-if __name__ == "__main__":
+def main(words: list[str]) -> None:
     options = parser(__doc__, assets=False)
     options.add_argument("--server", type=Path, required=True)
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="busybot-s3-") as folder:
         result = trial(arguments.server, Path(folder))
     finish("s3", arguments, {"result": result})
@@ -106,3 +106,7 @@ if __name__ == "__main__":
     refused = result["without_credentials"]
     well = result["verified"] and result["equal"] and refused["exit"] == 1 and not refused["traceback"]
     sys.exit(0 if well else 1)
+
+
+if __name__ == "__main__":
+    one_of(main)

@@ -2,6 +2,7 @@
 
 import time
 from copy import deepcopy
+from dataclasses import replace
 from functools import partial
 from typing import Generic, Protocol
 
@@ -74,7 +75,8 @@ class LearnedProposals(ContactProposals, Generic[V]):
         return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked >= 0).tolist())
 
     def unrewarded(self, seen: Observation) -> tuple[Contact, ...]:
-        return tuple(self._again(step, seen.depth) for step in np.flatnonzero(self._briefing.worked < 0).tolist())
+        steps = np.flatnonzero(self._briefing.worked < 0).tolist()
+        return tuple(replace(self._again(step, seen.depth), belief=0.0) for step in steps)
 
     def propose(self, seen: Observation) -> tuple[Contact, ...]:
         """The interaction model's candidates, the most promising first."""
@@ -114,9 +116,8 @@ class LearnedProposals(ContactProposals, Generic[V]):
         first = worked if worked >= 0 else int((DIRECTIONS @ self._briefing.history.actions[step, 3:]).argmax())
         directions[first], directions[OPPOSITE[first]] = SURE, SURE / 2
         u, v = self._briefing.pixels[step].tolist()
-        region, place = int(self._memory.links[v, u]), self._rays.point(depth, (u, v))
-        belief = SURE if worked >= 0 else 0.0
-        return sure_contact(self._observed, (u, v), place, region, directions, step, belief)
+        region = int(self._memory.links[v, u])
+        return sure_contact(self._observed, (u, v), self._rays.point(depth, (u, v)), region, directions, step)
 
 
 def sure_contact(
@@ -126,11 +127,10 @@ def sure_contact(
     region: int,
     directions: np.ndarray,
     step: int = -1,
-    belief: float = SURE,
 ) -> Contact:
-    """A contact of which it is known that something can be moved there, unless another belief is told."""
+    """A contact of which it is known that something can be moved there."""
     return Contact(
-        pixel, position, trigger_at(observed, pixel), region, belief, directions, pair_scores(directions), step
+        pixel, position, trigger_at(observed, pixel), region, SURE, directions, pair_scores(directions), step
     )
 
 

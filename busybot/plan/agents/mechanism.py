@@ -178,7 +178,9 @@ class MechanismAgent:
         action, found = np.array([*attempt.contact.position, *DIRECTIONS[direction]]), []
         for weight, moment in self._beliefs:
             led = tuple(self._perceived.moved(np.array(moment.links, int), action, attempt.contact.trigger).tolist())
-            for links, share in ((led, chance), (moment.links, 1 - chance)) if led != moment.links else ((led, 1.0),):
+            shares = {moment.links: 1 - chance}
+            shares[led] = shares.get(led, 0.0) + chance
+            for links, share in shares.items():
                 told = weight + np.log(share) + self._laws.agreement(moment, links, shown)
                 found.append((float(told), moment, links))
         found.sort(key=lambda one: -one[0])

@@ -54,7 +54,7 @@ JOINTS, STRICT = runner.settings("interaction.reward=joints"), ("--strict",)
 REAL_CAMERA = runner.settings(*(f"render.camera.{term}={strength}" for term, strength in REAL.items()))
 
 ROWS = {
-    **{f"free-{seed}": Table1Row(seed=seed) for seed in range(3)},
+    **{f"free-{seed}": Table1Row(seed=seed) for seed in range(5)},
     **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
     "rgb": Table1Row(runner.settings("inputs=rgb")),

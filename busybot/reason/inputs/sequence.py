@@ -173,23 +173,24 @@ def threshold_of(encoder: str, features: np.ndarray | None = None) -> float:
     return SMALLEST * float(np.median(apart[apart > 0])) if apart.any() else 1.0
 
 
-def clusters_of(features: np.ndarray, threshold: float) -> np.ndarray:
+def clusters_of(features: np.ndarray, threshold: float, share: float = 0.0) -> np.ndarray:
     """Clusters of each object's looks, numbered from 0 in the order in which they appear.
 
     Args:
         features: (T + 1, N, C); zeros for objects without features.
         threshold: greatest mean distance of two clusters that are one.
+        share: two are one, too, if they differ by less than this share of an object's most different clusters.
 
     Returns:
         int (T + 1, N), `UNSEEN` for objects without features.
     """
     labels = np.full(features.shape[:2], UNSEEN)
     for index in np.flatnonzero(np.any(features, axis=(0, 2))):
-        labels[:, index] = _cluster(features[:, index].astype(np.float32), threshold)
+        labels[:, index] = _cluster(features[:, index].astype(np.float32), threshold, share)
     return labels
 
 
-def _cluster(looks: np.ndarray, threshold: float) -> np.ndarray:
+def _cluster(looks: np.ndarray, threshold: float, share: float) -> np.ndarray:
     """Clusters of one object's looks (T + 1, C): average linkage of those that differ."""
     from scipy.cluster.hierarchy import fcluster, linkage  # what trains on sequences does without
 
@@ -202,6 +203,7 @@ def _cluster(looks: np.ndarray, threshold: float) -> np.ndarray:
     ordered = sorted(distinct, key=lambda one: np.frombuffer(one, np.float32).tolist())
     place = {one: number for number, one in enumerate(ordered)}
     tree = linkage(np.array([np.frombuffer(one, np.float32) for one in ordered]), "average")
+    threshold = max(threshold, share * float(tree[:, 2].max()))
     found = fcluster(tree, threshold, "distance")[[place[one] for one in each]]
     order = {number: place for place, number in enumerate(dict.fromkeys(found.tolist()))}
     return np.array([order[number] for number in found.tolist()])

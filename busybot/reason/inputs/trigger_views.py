@@ -12,19 +12,20 @@ from functools import partial
 
 import numpy as np
 
-from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks
-from busybot.reason.inputs.observation import ObservedEpisode
+from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks, Region
+from busybot.reason.inputs.observation import Frame, ObservedEpisode
 
-USUAL, ABOVE = 0.8, 3.0
-"""Of a pixel's noise: what so large a share of its pictures stays within, and how far beyond a change lies."""
-LEAST, FEWEST = 8.0, 10
-"""In the median of several pictures less is a change than in one: so much of a pixel, and more than so many pixels."""
-
-
+USUAL, ABOVE, MOST = 0.8, 3.0, 3.0
+"""Of a pixel's noise: what so large a share of its pictures stays within, and how far beyond a change lies. In units of
+that, no pixel differs by more from what it usually shows: what single pictures have at edges counts no more."""
+LEAST, FEWEST, IDLE = 8.0, 10, 0.5
+"""In the median of several pictures less is a change than in one: so much of a pixel, and more than so many pixels, or
+than differ in so large a share of the pairs of pictures between which nobody touched the trigger."""
 COLOURS = 3
 """Channels of a look; behind them comes depth, if it is there."""
-LEVEL, DEEP = 1e-4, 10.0
-"""Depth is told in levels of so many board units, of which more than so many are a change, as of colours."""
+LEVEL, DEEP, DEEPER = 1e-4, 10.0, 80.0
+"""Depth is told in levels of so many board units, of which more than so many are a change, as of colours; before a
+camera that is not still, more."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class View:
     Args:
         pictures: looks, float32 (h, w, C), by their number.
         frames: int (T + 1,), number of the picture that each frame shows.
-        least: float (C,) or (h, w, 1), what a pixel that did not change may differ by.
+        least: float (C,) or (1,), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
         corner: row and column of the box's first pixel in the picture.
@@ -54,7 +55,7 @@ class View:
         frames: np.ndarray,
         least: np.ndarray,
         masks: Callable[[int, int], np.ndarray],
-        pixels: int = 0,
+        pixels: float = 0,
         corner: tuple[int, int] = (0, 0),
     ):
         self.pictures, self.frames, self.corner = pictures, frames, corner
@@ -125,22 +126,52 @@ def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfi
 def _calm(
     observed: ObservedEpisode, pixels: ObjectMasks, trigger: int, touched: np.ndarray, config: ChangeConfig
 ) -> View:
-    """A trigger's box in each frame: the median of what was seen of each pixel since the trigger was touched last."""
-    region, count = pixels.regions[trigger], len(observed.image_of)
-    boxes = np.array([observed.frame(k).rgb[region.rows, region.columns] for k in range(count)], np.float32)
-    own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in range(count)), strict=True))
+    """A trigger's box in each frame."""
+    region, frames = pixels.regions[trigger], range(len(observed.image_of))
+    boxes = np.array([_look(observed.frame(k), region) for k in frames], np.float32)
+    own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in frames), strict=True))
+    return calm_view(boxes, own, hidden, touched, config)
+
+
+def calm_view(
+    boxes: np.ndarray, own: np.ndarray, hidden: np.ndarray, touched: np.ndarray, config: ChangeConfig
+) -> View:
+    """The median of what was seen of each pixel since the trigger was touched last, in units of what a pixel that did
+    not change may differ by, from what it usually shows.
+
+    Args:
+        boxes: looks, float32 (T + 1, h, w, C), NaN where nothing was seen.
+        own, hidden: bool (T + 1, h, w), which pixels the trigger shows, and which are hidden.
+        touched: bool (T,), which actions took hold of it.
+    """
     boxes[hidden] = np.nan
     runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(boxes)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
-        last = np.nan_to_num(np.nanmedian(boxes, axis=0))
+        usual = last = np.nan_to_num(np.nanmedian(boxes, axis=0))
         for run in range(int(runs[-1]) + 1):
             look = np.nanmedian(boxes[runs == run], axis=0)
             last = np.where(np.isnan(look), last, look)
             calm[runs == run] = last
         several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-        noise = np.abs(boxes - calm).max(axis=-1, keepdims=True)[several if several.any() else slice(None)]
-        usual = np.nan_to_num(np.nanquantile(noise, USUAL, axis=0))
+        noise = np.abs(boxes - calm)[several if several.any() else slice(None)]
+        noise[..., :COLOURS] = noise[..., :COLOURS].max(axis=-1, keepdims=True)
+        noise = np.nan_to_num(np.nanquantile(noise, USUAL, axis=0))
+        floor = np.array([min(LEAST, config.tolerance), DEEPER], np.float32)
+        least = np.maximum(floor.repeat([COLOURS, boxes.shape[-1] - COLOURS]), ABOVE * noise)
+        idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
     mine = own.mean(axis=0) > 0.5
-    least = np.maximum(min(LEAST, config.tolerance), ABOVE * usual)
-    return View(dict(enumerate(calm)), np.arange(count), least, lambda *_: mine, min(FEWEST, config.least))
+    stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
+    told = ((calm - usual) / least).clip(-MOST, MOST)
+    fewest = max(min(FEWEST, config.least), float(stirred))
+    return View(dict(enumerate(told)), np.arange(len(boxes)), np.ones(1, np.float32), lambda *_: mine, fewest)
+
+
+def _look(frame: Frame, region: Region) -> np.ndarray:
+    """Colours of a trigger's box, and depth, NaN in its holes, if it is there; float32 (h, w, C)."""
+    place = region.rows, region.columns
+    rgb = frame.rgb[place].astype(np.float32)
+    if frame.depth is None:
+        return rgb
+    depth = frame.depth[place]
+    return np.dstack([rgb, np.where(depth > 0, depth / np.float32(LEVEL), np.nan)])

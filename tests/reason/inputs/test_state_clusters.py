@@ -31,6 +31,14 @@ def test_the_threshold_decides_what_is_alike() -> None:
     assert clusters_of(looks(0, 0, noise=5.0), 1.0)[:, 0].tolist() == [0, 1]
 
 
+def test_what_differs_by_a_small_share_of_the_largest_difference_may_be_noise() -> None:
+    """One look of the first state is off by a third of the way to the second."""
+    features = looks(0, 1, 0, 0, 1)
+    features[3] += (features[1] - features[0]) / 3
+    assert clusters_of(features, 2.0)[:, 0].tolist() == [0, 1, 0, 2, 1]
+    assert clusters_of(features, 2.0, 0.45)[:, 0].tolist() == [0, 1, 0, 0, 1]
+
+
 def test_objects_are_told_apart_and_some_have_no_looks() -> None:
     features = np.concatenate([looks(0, 0, 1), np.zeros((3, 1, 256)), looks(1, 0, 1)], axis=1)
     assert clusters_of(features, 2.0).T.tolist() == [[0, 0, 1], [UNSEEN] * 3, [0, 1, 0]]

@@ -12,9 +12,9 @@ from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold
 from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
-STILL, APART = 0.5, 2.25
-"""Under a camera that is not still: in so large a share of the steps a responder rests, and two of its looks differ by
-so many times what they do then."""
+STILL, APART, SHARE = 0.5, 2.25, 0.45
+"""Under a camera that is not still: in so large a share of the steps a responder rests, two of its looks differ by so
+many times what they do then, and by so large a share of what its most different ones do."""
 
 AWAY = 0.05
 """A link that cannot be seen to move is taken hold of so far from where links that can be are, board units."""
@@ -153,11 +153,11 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
 
 def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
     links, responders = seen.links, np.flatnonzero(seen.responders)
-    unlike = threshold_of(encoder, seen.features)
+    unlike, share = threshold_of(encoder, seen.features), 0.0
     if links.steadied:
         steps = np.linalg.norm(np.diff(seen.features[:, responders], axis=0), axis=-1)
-        unlike = max(unlike, APART * float(np.median(np.quantile(steps, STILL, axis=0))))
-    shown = clusters_of(seen.features, unlike)[:, responders].clip(0, STATES - 1)
+        unlike, share = max(unlike, APART * float(np.median(np.quantile(steps, STILL, axis=0)))), SHARE
+    shown = clusters_of(seen.features, unlike, share)[:, responders].clip(0, STATES - 1)
     looks = tuple(
         np.stack([seen.features[states == state, index].mean(0) for state in range(int(states.max()) + 1)])
         for index, states in zip(responders, shown.T, strict=True)

@@ -39,7 +39,7 @@ class Line:
     key: str
 
 
-FREE, STRICT = (tuple(f"{mode}-{seed}" for seed in range(3)) for mode in ("free", "strict"))
+FREE, STRICT = (tuple(row.name for row in INTERACTION.rows if row.gate == mode) for mode in ("free", "strict"))
 LINES = (
     Line("actions that move something", INTERACTION, FREE, "precision"),
     Line("links found", INTERACTION, FREE, "recall"),

@@ -5,7 +5,6 @@ state between two actions on it: the median of these pictures, without what is h
 keeps how it looked. A pixel then changed if it did by more than what is left of the noise.
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -146,25 +145,33 @@ def calm_view(
     """
     boxes[hidden] = np.nan
     runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(boxes)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
-        usual = last = np.nan_to_num(np.nanmedian(boxes, axis=0))
-        for run in range(int(runs[-1]) + 1):
-            look = np.nanmedian(boxes[runs == run], axis=0)
-            last = np.where(np.isnan(look), last, look)
-            calm[runs == run] = last
-        several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-        noise = np.abs(boxes - calm)[several if several.any() else slice(None)]
-        noise[..., :COLOURS] = noise[..., :COLOURS].max(axis=-1, keepdims=True)
-        noise = np.nan_to_num(np.nanquantile(noise, USUAL, axis=0))
-        floor = np.array([min(LEAST, config.tolerance), DEEPER], np.float32)
-        least = np.maximum(floor.repeat([COLOURS, boxes.shape[-1] - COLOURS]), ABOVE * noise)
-        idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
+    usual = last = np.nan_to_num(_ranked(boxes, 0.5))
+    for run in range(int(runs[-1]) + 1):
+        look = _ranked(boxes[runs == run], 0.5)
+        last = np.where(np.isnan(look), last, look)
+        calm[runs == run] = last
+    several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
+    away = np.abs(boxes - calm)[several if several.any() else slice(None)]
+    noise = np.nan_to_num(
+        _ranked(np.concatenate([away[..., :COLOURS].max(axis=-1, keepdims=True), away[..., COLOURS:]], axis=-1), USUAL)
+    )
+    floor = np.array([min(LEAST, config.tolerance), DEEPER], np.float32)[: noise.shape[-1]]
+    least = np.maximum(floor, ABOVE * noise).repeat([COLOURS, boxes.shape[-1] - COLOURS][: noise.shape[-1]], axis=-1)
+    idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
     mine = own.mean(axis=0) > 0.5
     stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
     told = ((calm - usual) / least).clip(-MOST, MOST)
     fewest = max(min(FEWEST, config.least), float(stirred))
     return View(dict(enumerate(told)), np.arange(len(boxes)), np.ones(1, np.float32), lambda *_: mine, fewest)
+
+
+def _ranked(values: np.ndarray, share: float) -> np.ndarray:
+    """The quantile of what is there of several pictures, (h, w, C), NaN where nothing is; faster than NumPy's."""
+    ordered = np.sort(values, axis=0)  # what is not there comes last
+    place = share * np.maximum(np.count_nonzero(ordered == ordered, axis=0) - 1, 0)
+    below = place.astype(int)
+    low, high = (np.take_along_axis(ordered, each[None], axis=0)[0] for each in (below, np.ceil(place).astype(int)))
+    return np.asarray(low + (high - low) * (place - below).astype(np.float32))
 
 
 def _look(frame: Frame, region: Region) -> np.ndarray:

@@ -151,18 +151,24 @@ def calm_view(
         last = np.where(np.isnan(look), last, look)
         calm[runs == run] = last
     several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-    away = np.abs(boxes - calm)[several if several.any() else slice(None)]
-    noise = np.nan_to_num(
-        _ranked(np.concatenate([away[..., :COLOURS].max(axis=-1, keepdims=True), away[..., COLOURS:]], axis=-1), USUAL)
-    )
-    floor = np.array([min(LEAST, config.tolerance), DEEPER], np.float32)[: noise.shape[-1]]
-    least = np.maximum(floor, ABOVE * noise).repeat([COLOURS, boxes.shape[-1] - COLOURS][: noise.shape[-1]], axis=-1)
-    idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
+    least = _least(np.abs(boxes - calm)[several if several.any() else slice(None)], config)
     mine = own.mean(axis=0) > 0.5
+    idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
     stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
     told = ((calm - usual) / least).clip(-MOST, MOST)
     fewest = max(min(FEWEST, config.least), float(stirred))
     return View(dict(enumerate(told)), np.arange(len(boxes)), np.ones(1, np.float32), lambda *_: mine, fewest)
+
+
+def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """What a pixel that did not change may differ by, (h, w, C), from how far single pictures are off, (n, h, w, C).
+
+    The noise of a pixel's colours is that of the worst of them.
+    """
+    colours, depth = away[..., :COLOURS], away[..., COLOURS:]
+    noise = ABOVE * np.nan_to_num(_ranked(np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1), USUAL))
+    of_colours = np.maximum(noise[..., :1], min(LEAST, config.tolerance)).repeat(COLOURS, axis=-1)
+    return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEPER)], axis=-1)
 
 
 def _ranked(values: np.ndarray, share: float) -> np.ndarray:

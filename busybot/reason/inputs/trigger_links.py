@@ -8,8 +8,8 @@ its middle state is held elsewhere. An action that changed nothing on its trigge
 hold of nearest to it. Pictures do not tell which state is "on", nor that there is a link that never moved.
 
 Before a camera that is not still some moves change hardly more than the camera does. Then what was taken hold of at one
-place is one link, whatever its pixels tell, and links are read from all that their moves change together. How pictures
-show each trigger `trigger_views` tells.
+place is one link, whatever its pixels tell; links are read from all that their moves change together, and tracked from
+try to try: most of these move them. How pictures show each trigger `trigger_views` tells.
 """
 
 from collections.abc import Mapping, Sequence

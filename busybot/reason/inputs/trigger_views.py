@@ -2,7 +2,8 @@
 
 Under a camera that is still, a frame shows what its picture does. Under another one (`steady`), a trigger shows one
 state between two actions on it: the median of these pictures, without what is hidden in it. One that is not seen at all
-keeps how it looked. A pixel then changed if it did by more than what is left of the noise.
+keeps how it looked. Colours and depth are told in units of what is left of their noise, by more than which a pixel
+changed; and more of them did than while nobody touched the trigger.
 """
 
 from collections.abc import Callable, Mapping

@@ -23,9 +23,8 @@ LEAST, FEWEST, IDLE = 8.0, 10, 0.5
 than differ in so large a share of the pairs of pictures between which nobody touched the trigger."""
 COLOURS = 3
 """Channels of a look; behind them comes depth, if it is there."""
-LEVEL, DEEP, DEEPER = 1e-4, 10.0, 80.0
-"""Depth is told in levels of so many board units, of which more than so many are a change, as of colours; before a
-camera that is not still, more."""
+LEVEL, DEEP = 1e-4, 10.0
+"""Depth is told in levels of so many board units, of which more than so many are a change, as of colours."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,8 @@ def _calm(
 ) -> View:
     """A trigger's box in each frame."""
     region, frames = pixels.regions[trigger], range(len(observed.image_of))
-    boxes = np.array([_look(observed.frame(k), region) for k in frames], np.float32)
+    deep = all(observed.frame(k).depth is not None for k in frames)
+    boxes = np.array([_look(observed.frame(k), region, deep) for k in frames], np.float32)
     own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in frames), strict=True))
     return calm_view(boxes, own, hidden, touched, config)
 
@@ -169,7 +169,7 @@ def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
     colours, depth = away[..., :COLOURS], away[..., COLOURS:]
     noise = ABOVE * np.nan_to_num(_ranked(np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1), USUAL))
     of_colours = np.maximum(noise[..., :1], min(LEAST, config.tolerance)).repeat(COLOURS, axis=-1)
-    return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEPER)], axis=-1)
+    return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEP)], axis=-1)
 
 
 def _ranked(values: np.ndarray, share: float) -> np.ndarray:
@@ -181,11 +181,11 @@ def _ranked(values: np.ndarray, share: float) -> np.ndarray:
     return np.asarray(low + (high - low) * (place - below).astype(np.float32))
 
 
-def _look(frame: Frame, region: Region) -> np.ndarray:
-    """Colours of a trigger's box, and depth, NaN in its holes, if it is there; float32 (h, w, C)."""
+def _look(frame: Frame, region: Region, deep: bool) -> np.ndarray:
+    """Colours of a trigger's box, and if `deep` depth, NaN in its holes; float32 (h, w, C)."""
     place = region.rows, region.columns
     rgb = frame.rgb[place].astype(np.float32)
-    if frame.depth is None:
+    if not deep or frame.depth is None:
         return rgb
     depth = frame.depth[place]
     return np.dstack([rgb, np.where(depth > 0, depth / np.float32(LEVEL), np.nan)])

@@ -12,7 +12,7 @@ from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
 from busybot.reason.inputs.steady import Steady, steadied
 from busybot.reason.inputs.trigger_links import observe_links
-from tests.reason.inputs.test_trigger_links import MOVES, played
+from tests.reason.inputs.test_trigger_links import MOVES, played, pressed
 from tests.reason.scenes import BOARD_DEPTH, Patch, Scene
 
 LAMP = (60, 40, 90, 70)
@@ -111,3 +111,13 @@ def test_links_are_found_in_noise_and_a_hand_moves_none() -> None:
     # after action 8, which moves nothing, nobody sees the trigger
     found = observe_links(hidden_at(unsteady(observed, shake=0), [9]))
     np.testing.assert_array_equal(found.states, clear.states)
+
+
+def test_depth_shows_in_noise_what_colours_do_not_if_it_is_always_there() -> None:
+    button = pressed()
+    found = observe_links(unsteady(button, shake=0))
+    assert found.steadied
+    np.testing.assert_array_equal(found.states, observe_links(button).states)
+    noisy = unsteady(button, shake=0)
+    lost = [replace(image, depth=None) if number == 2 else image for number, image in enumerate(noisy.images)]
+    assert not len(observe_links(replace(noisy, images=lost)).owners)

@@ -22,6 +22,7 @@ import numpy as np
 
 from busybot.episodes.camera import project
 from busybot.episodes.episode import Camera
+from busybot.reason.inputs.link_tracking import lasts, tracked
 from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
@@ -49,14 +50,6 @@ BESIDE = 0.06
 """There, an action of which no pixels tell anything may have moved a link that was taken hold of so near."""
 SECOND = 0.45
 """There, moves change pixels in two ways if the second is so large beside the first."""
-FAILS, OUTLIER, TURNS = 0.1, 6.0, 8
-"""There, so large a share of the tries moves nothing, about; no picture of a link speaks more against a state, nats;
-and so often, at most, states and how they look are found anew."""
-SPREAD, NOISE = 0.15, 1.5
-"""There, a link in one state looks so differently, as a share of how much states differ, at least; or so many times as
-differently as it usually does."""
-LASTS = 0.4
-"""There, a link whose one move is seen differs by so large a share of it for good."""
 CENTRE = 0.5
 """Of a pixel, from its corner."""
 ALIKE = 0.45
@@ -207,13 +200,13 @@ def _together(moves: list[Move], contacts: np.ndarray | None) -> list[list[Move]
     sizes = np.array([np.linalg.norm(move.difference) for move in moves])
     changes = np.array([move.difference.ravel() for move in moves]) / sizes[:, None]
     alike = np.abs(changes @ changes.T)
-    if contacts is not None:  # what else a passing shadow changed in one of them does not make it another link's
+    if contacts is None:
+        apart = np.maximum(1 - alike, 0)
+    else:  # what else a passing shadow changed in one of them does not make it another link's
         alike *= np.maximum.outer(sizes, sizes) / np.minimum.outer(sizes, sizes)
-    apart = np.maximum(1 - alike, 0)
-    if contacts is not None:
         places = contacts[[move.step for move in moves], :2]
         away = np.linalg.norm(places[:, None] - places, axis=-1)
-        apart = (1 - PLACES) * apart + PLACES * np.minimum(away / NEAR, 1)
+        apart = (1 - PLACES) * np.maximum(1 - alike, 0) + PLACES * np.minimum(away / NEAR, 1)
         np.fill_diagonal(apart, 0)
     labels = fcluster(linkage(squareform(apart, checks=False), "average"), TOGETHER, "distance")
     # in the order in which they moved first: that of the labels depends on the processor
@@ -266,63 +259,11 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, 
     alike = _states(seen, "euclidean")
     first = np.array([np.bincount(alike[start:end]).argmax() for start, end in pairwise(ends)])
     starts = _numbered(first), np.arange(len(shown)) % 2
-    _, found = min((_tracked(shown, start) for start in starts), key=itemgetter(0))
-    if len(group) == 1 and not _lasts(shown, found, float(np.linalg.norm(changes @ used.T))):
+    _, found = min((tracked(shown, start) for start in starts), key=itemgetter(0))
+    if len(group) == 1 and not lasts(shown, found, float(np.linalg.norm(changes @ used.T))):
         found = np.zeros_like(found)
     states = _numbered(np.repeat(found, np.diff(ends)))
     return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group), own)
-
-
-def _lasts(shown: np.ndarray, states: np.ndarray, change: float) -> bool:
-    """Whether a link goes on looking as its one move left it: else something passed by."""
-    looks = [np.median(shown[states == one], axis=0) for one in np.unique(states)]
-    return all(np.linalg.norm(one - other) >= LASTS * change for one, other in combinations(looks, 2))
-
-
-def _tracked(shown: np.ndarray, start: np.ndarray) -> tuple[float, np.ndarray]:
-    """The likeliest states of a link between its tries, most of which move it to the next state; and how unlikely they
-    are, infinitely where there are not so many.
-
-    States and how they look are found in turns, by the Viterbi algorithm (Forney 1973).
-
-    Args:
-        shown: float (n, d), how it looked between them.
-        start: int (n,), states to begin with.
-    """
-    states, count, cost = start, int(start.max()) + 1, np.inf
-    for _ in range(TURNS):
-        if count < 2 or len(np.unique(states)) < count:
-            return np.inf, states
-        looks = np.array([np.median(shown[states == one], axis=0) for one in range(count)])
-        apart = min(float(np.linalg.norm(one - other)) for one, other in combinations(looks, 2))
-        usual = float(np.median(np.linalg.norm(shown - looks[states], axis=1)))
-        spread = max(SPREAD * apart, NOISE * usual, 1e-6)
-        away = np.linalg.norm(shown[:, None] - looks, axis=-1) / spread
-        before, (states, cost) = states, _likeliest(np.minimum(away**2 / 2, OUTLIER) + np.log(spread))
-        if (states == before).all():
-            break
-    return cost + count * shown.shape[1] * np.log(len(shown)) / 2, states  # more states have to be worth it
-
-
-def _likeliest(costs: np.ndarray) -> tuple[np.ndarray, float]:
-    """States int (n,) of a link that each try moves to the next one or, seldom, does not move; and what they cost.
-
-    Args:
-        costs: float (n, states), of each state.
-    """
-    number = np.arange(costs.shape[1])
-    beside = np.abs(number[:, None] - number) == 1
-    going = np.where(beside, np.log(beside.sum(1, keepdims=True)) - np.log(1 - FAILS), np.inf)
-    np.fill_diagonal(going, -np.log(FAILS))
-    total, came = costs[0], []
-    for each in costs[1:]:
-        ways = total[:, None] + going
-        came.append(ways.argmin(0))
-        total = ways.min(0) + each
-    states = [int(total.argmin())]
-    for back in reversed(came):
-        states.append(int(back[states[-1]]))
-    return np.array(states[::-1]), float(total.min())
 
 
 def _states(looks: np.ndarray, distance: str = "cityblock") -> np.ndarray:

@@ -6,6 +6,7 @@ keeps how it looked. Colours and depth are told in units of what is left of thei
 changed; and more of them did than while nobody touched the trigger.
 """
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -117,48 +118,43 @@ def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfi
     Args:
         acted: int (T,), the trigger that each action took hold of.
     """
-    pixels = ObjectMasks(observed, config)
-    triggers = [int(one) for one in observed.triggers if one in pixels.regions]
-    return {one: _calm(observed, pixels, one, acted == one, config) for one in triggers}
+    pixels, frames = ObjectMasks(observed, config), [observed.frame(k) for k in range(len(observed.image_of))]
+    deep = all(frame.depth is not None for frame in frames)
+    views = {}
+    for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
+        own, hidden = (
+            np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in range(len(frames))), strict=True)
+        )
+        looks = np.array([_look(frame, pixels.regions[trigger], deep) for frame in frames], np.float32)
+        looks[hidden] = np.nan
+        views[trigger] = _calm(looks, own.mean(axis=0) > 0.5, acted == trigger, config)
+    return views
 
 
-def _calm(
-    observed: ObservedEpisode, pixels: ObjectMasks, trigger: int, touched: np.ndarray, config: ChangeConfig
-) -> View:
-    """A trigger's box in each frame."""
-    region, frames = pixels.regions[trigger], range(len(observed.image_of))
-    deep = all(observed.frame(k).depth is not None for k in frames)
-    boxes = np.array([_look(observed.frame(k), region, deep) for k in frames], np.float32)
-    own, hidden = (np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in frames), strict=True))
-    return calm_view(boxes, own, hidden, touched, config)
-
-
-def calm_view(
-    boxes: np.ndarray, own: np.ndarray, hidden: np.ndarray, touched: np.ndarray, config: ChangeConfig
-) -> View:
+def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray, config: ChangeConfig) -> View:
     """The median of what was seen of each pixel since the trigger was touched last, in units of what a pixel that did
     not change may differ by, from what it usually shows.
 
     Args:
-        boxes: looks, float32 (T + 1, h, w, C), NaN where nothing was seen.
-        own, hidden: bool (T + 1, h, w), which pixels the trigger shows, and which are hidden.
+        looks: of the trigger's box, float32 (T + 1, h, w, C), NaN where nothing was seen.
+        mine: bool (h, w), which pixels show the trigger.
         touched: bool (T,), which actions took hold of it.
     """
-    boxes[hidden] = np.nan
-    runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(boxes)
-    usual = last = np.nan_to_num(_ranked(boxes, 0.5))
-    for run in range(int(runs[-1]) + 1):
-        look = _ranked(boxes[runs == run], 0.5)
-        last = np.where(np.isnan(look), last, look)
-        calm[runs == run] = last
-    several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-    least = _least(np.abs(boxes - calm)[several if several.any() else slice(None)], config)
-    mine = own.mean(axis=0) > 0.5
-    idle = (np.abs(np.diff(boxes, axis=0))[~touched] > least).any(axis=-1)
+    runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(looks)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
+        usual = last = np.nan_to_num(np.nanmedian(looks, axis=0))
+        for run in range(int(runs[-1]) + 1):
+            look = np.nanmedian(looks[runs == run], axis=0)
+            last = np.where(np.isnan(look), last, look)
+            calm[runs == run] = last
+        several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
+        least = _least(np.abs(looks - calm)[several if several.any() else slice(None)], config)
+    idle = (np.abs(np.diff(looks, axis=0))[~touched] > least).any(axis=-1)
     stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
     told = ((calm - usual) / least).clip(-MOST, MOST)
     fewest = max(min(FEWEST, config.least), float(stirred))
-    return View(dict(enumerate(told)), np.arange(len(boxes)), np.ones(1, np.float32), lambda *_: mine, fewest)
+    return View(dict(enumerate(told)), np.arange(len(looks)), np.ones(1, np.float32), lambda *_: mine, fewest)
 
 
 def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
@@ -167,18 +163,10 @@ def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
     The noise of a pixel's colours is that of the worst of them.
     """
     colours, depth = away[..., :COLOURS], away[..., COLOURS:]
-    noise = ABOVE * np.nan_to_num(_ranked(np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1), USUAL))
+    worst = np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1)
+    noise = ABOVE * np.nan_to_num(np.nanquantile(worst, USUAL, axis=0))
     of_colours = np.maximum(noise[..., :1], min(LEAST, config.tolerance)).repeat(COLOURS, axis=-1)
     return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEP)], axis=-1)
-
-
-def _ranked(values: np.ndarray, share: float) -> np.ndarray:
-    """The quantile of what is there of several pictures, (h, w, C), NaN where nothing is; faster than NumPy's."""
-    ordered = np.sort(values, axis=0)  # what is not there comes last
-    place = share * np.maximum(np.count_nonzero(ordered == ordered, axis=0) - 1, 0)
-    below = place.astype(int)
-    low, high = (np.take_along_axis(ordered, each[None], axis=0)[0] for each in (below, np.ceil(place).astype(int)))
-    return np.asarray(low + (high - low) * (place - below).astype(np.float32))
 
 
 def _look(frame: Frame, region: Region, deep: bool) -> np.ndarray:

@@ -7,17 +7,7 @@ import pytest
 
 from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import (
-    LinkWatch,
-    _lasts,
-    _Link,
-    _numbered,
-    _together,
-    _tracked,
-    _tries,
-    _whole,
-    observe_links,
-)
+from busybot.reason.inputs.trigger_links import LinkWatch, _Link, _together, _tries, _whole, observe_links
 from busybot.reason.inputs.trigger_views import Move, still_views
 from tests.reason.scenes import Patch, Scene
 
@@ -160,31 +150,6 @@ def test_before_such_a_camera_a_passing_shadow_makes_no_other_link() -> None:
         difference = np.array(change, np.float32).reshape(1, 42, 1)
         moves.append(Move(step, difference.any(axis=-1), difference))
     assert [len(_together(moves, contacts)) for contacts in (None, np.array([[0, 0, 0], [0.05, 0, 0]]))] == [2, 1]
-
-
-@pytest.mark.parametrize("looks", [[0, 1, 0.1, 0.55, 0, 1], [0, 1, 0, 1, 0, 0.5], [0, 1, 0, 5, 0, 1]])
-def test_a_move_that_pictures_hardly_show_is_told_by_the_others(looks: list[float]) -> None:
-    """A link that every try moved; one picture is between both states, or another one altogether."""
-    shown, alternating = np.array(looks)[:, None], np.arange(6) % 2
-    assert _tracked(shown, alternating)[1].tolist() == [0, 1, 0, 1, 0, 1]
-
-
-def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it() -> None:
-    shown = np.array([0, 1, 1, 0, 1, 1, 0, 0, 0])[:, None] + 0.02 * np.arange(9)[:, None] % 0.05
-    states = _numbered((shown[:, 0] > 0.5).astype(int))
-    two, found = _tracked(shown, states)
-    assert found.tolist() == states.tolist() and two < _tracked(shown, np.arange(9) % 2)[0]
-    assert two < _tracked(shown, np.where(np.arange(9) == 4, 2, states))[0]
-    real = np.array([0, 1, 2, 1, 0, 1, 2, 1, 2])
-    assert _tracked(real[:, None] + 0.01, real)[1].tolist() == real.tolist()
-    assert _tracked(real[:, None] + 0.01, real)[0] < _tracked(real[:, None] + 0.01, real % 2)[0]
-    assert np.isinf(_tracked(shown, np.zeros(9, int))[0]), "what never moved has no two states"
-
-
-def test_what_passes_by_once_is_no_move() -> None:
-    """A change of 1 that is there in the next picture alone, and one that stays."""
-    states = np.array([0, 1])
-    assert not _lasts(np.array([[0.0], [0.1]]), states, 1.0) and _lasts(np.array([[0.0], [0.9]]), states, 1.0)
 
 
 def test_an_action_that_changed_nothing_may_have_moved_the_link_that_it_was_nearest_to() -> None:

@@ -1,0 +1,32 @@
+"""States of a link that most tries move, of pictures that do not all show it."""
+
+import numpy as np
+import pytest
+
+from busybot.reason.inputs.link_tracking import lasts, tracked
+from busybot.reason.inputs.trigger_links import _numbered
+
+
+@pytest.mark.parametrize("looks", [[0, 1, 0.1, 0.55, 0, 1], [0, 1, 0, 1, 0, 0.5], [0, 1, 0, 5, 0, 1]])
+def test_a_move_that_pictures_hardly_show_is_told_by_the_others(looks: list[float]) -> None:
+    """A link that every try moved; one picture is between both states, or another one altogether."""
+    shown, alternating = np.array(looks)[:, None], np.arange(6) % 2
+    assert tracked(shown, alternating)[1].tolist() == [0, 1, 0, 1, 0, 1]
+
+
+def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it() -> None:
+    shown = np.array([0, 1, 1, 0, 1, 1, 0, 0, 0])[:, None] + 0.02 * np.arange(9)[:, None] % 0.05
+    states = _numbered((shown[:, 0] > 0.5).astype(int))
+    two, found = tracked(shown, states)
+    assert found.tolist() == states.tolist() and two < tracked(shown, np.arange(9) % 2)[0]
+    assert two < tracked(shown, np.where(np.arange(9) == 4, 2, states))[0]
+    real = np.array([0, 1, 2, 1, 0, 1, 2, 1, 2])
+    assert tracked(real[:, None] + 0.01, real)[1].tolist() == real.tolist()
+    assert tracked(real[:, None] + 0.01, real)[0] < tracked(real[:, None] + 0.01, real % 2)[0]
+    assert np.isinf(tracked(shown, np.zeros(9, int))[0]), "what never moved has no two states"
+
+
+def test_what_passes_by_once_is_no_move() -> None:
+    """A change of 1 that is there in the next picture alone, and one that stays."""
+    states = np.array([0, 1])
+    assert not lasts(np.array([[0.0], [0.1]]), states, 1.0) and lasts(np.array([[0.0], [0.9]]), states, 1.0)

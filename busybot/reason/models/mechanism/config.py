@@ -24,16 +24,29 @@ class MechanismNetConfig(FrozenModel):
     unseen: bool = False
 
 
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
 class Blur(FrozenModel):
-    """What pictures do not tell rightly, as shares.
+    """What pictures of a board that is seen as badly as can be do not tell rightly, as shares.
 
     Attributes:
-        confused: of the actions, whose link is taken for another one.
+        confused: of the moves, that are taken for another link's.
+        missed: of the moves, that are not seen.
         hidden: of the links, that nothing tells the moves of.
+        phantoms: of the boards, on which a link is seen that is none.
+        still: of the responders, that seem never to change.
+        flashes: of a responder's pictures, in which it seems to be in any of its states.
+        covered: of a responder's pictures, from which on it is hidden for one to four and seems to stay as it was.
     """
 
-    confused: Annotated[float, Field(ge=0, le=1)] = 0.0005
-    hidden: Annotated[float, Field(ge=0, le=1)] = 0.002
+    confused: Share = 0.02
+    missed: Share = 0.06
+    hidden: Share = 0.04
+    phantoms: Share = 0.5
+    still: Share = 0.15
+    flashes: Share = 0.015
+    covered: Share = 0.01
 
 
 class MechanismConfig(FrozenModel):
@@ -45,7 +58,7 @@ class MechanismConfig(FrozenModel):
         drawn: boards of each world of the recordings that are drawn and moved without a simulator, to train on beside
             the recordings; none without labels.
         actions: random ones on each of these.
-        blur: what is told wrongly of these, as pictures do.
+        blur: what is told wrongly of these, as pictures do; of each by a share of its own.
         iterations: at most so many.
         batch: boards per iteration.
         moments: numbers of actions after which each board is judged in one iteration; drawn, small ones more often.
@@ -72,6 +85,6 @@ class MechanismConfig(FrozenModel):
     clip: PositiveFloat = 1.0
     rough: NonNegativeFloat = 0.3
     changes: NonNegativeFloat = 0.3
-    untold: Annotated[float, Field(ge=0, le=1)] = 0.3
+    untold: Share = 0.3
     net: MechanismNetConfig = MechanismNetConfig()
     loop: LoopConfig = LoopConfig(judge=100, patience=20)

@@ -6,7 +6,7 @@ is read, and nothing at all when boards are judged.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -25,6 +25,7 @@ from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
+from busybot.reason.models.mechanism.pictured import pictured
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 
@@ -153,10 +154,10 @@ def draw_boards(
         rows, states = _moved_at_random(board, links, actions, generator(seed, world, number, "mechanisms/actions"))
         trace = Trace(np.array(rows), np.array([state.shown for state in states])[:, responders], links.sizes)
         true = true_parents(board, inputs, responders, actions), true_changes(board, responders, actions)
-        drawn = LabelledTrace(trace, world, *true)
         if blur is not None:
-            drawn = _blurred(drawn, blur, generator(seed, world, number, "mechanisms/pictures"))
-        yield board, drawn
+            trace, kept = pictured(trace, true[0], blur, generator(seed, world, number, "mechanisms/pictures"))
+            true = kept, true[1]
+        yield board, LabelledTrace(trace, world, *true)
 
 
 def _moved_at_random(
@@ -175,39 +176,3 @@ def _moved_at_random(
         rows.append(tuple(now))
         states.append(law.step(rows[-1], states[-1]))
     return rows, states
-
-
-def _confused(trace: Trace, share: float, rng: np.random.Generator) -> Trace:
-    """The same where some moves are taken for those of another link."""
-    links = trace.links.copy()
-    for step in range(1, len(links)):
-        links[step] = links[step - 1]
-        for link in np.flatnonzero(trace.links[step] != trace.links[step - 1]):
-            other = int(rng.integers(len(trace.sizes)))
-            if rng.random() < share and other != link:
-                links[step, other] = (links[step, other] + 1) % trace.sizes[other]
-            else:
-                links[step, link] = trace.links[step, link]
-    return replace(trace, links=links)
-
-
-def _blurred(drawn: LabelledTrace, blur: Blur, rng: np.random.Generator) -> LabelledTrace:
-    trace, sizes = _confused(drawn.trace, blur.confused, rng), np.array(drawn.trace.sizes)
-    seen = rng.random(len(sizes)) >= blur.hidden
-    trace = as_pictured(Trace(trace.links[:, seen], trace.responders, tuple(sizes[seen].tolist())))
-    kept = np.concatenate([seen, np.ones(trace.responders.shape[1], bool)])
-    parents = None if drawn.parents is None else drawn.parents[:, kept]
-    return replace(drawn, trace=trace, parents=parents)
-
-
-def as_pictured(trace: Trace) -> Trace:
-    """The same with states numbered as pictures number them: as they appear, but for the middle one of three links'."""
-    top = np.array(trace.sizes) - 1
-    links = np.where(trace.links[:1] > top / 2, top - trace.links, trace.links)
-    responders = np.stack([_as_they_appear(column) for column in trace.responders.T], axis=1)
-    return Trace(links, responders, trace.sizes)
-
-
-def _as_they_appear(states: np.ndarray) -> np.ndarray:
-    order = list(dict.fromkeys(states.tolist()))
-    return np.array([order.index(state) for state in states.tolist()])

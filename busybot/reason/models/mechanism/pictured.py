@@ -1,5 +1,7 @@
 """What pictures would tell of a board that was moved without a simulator: less than is true, and some of it wrongly."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from busybot.reason.models.mechanism.config import Blur
@@ -63,11 +65,11 @@ def _mistaken(true: np.ndarray, sizes: tuple[int, ...], share: float, rng: np.ra
 def _missed(true: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
     """States of the links, some of whose moves are seen at their next one only."""
     links = true.copy()
-    for column, states in zip(links.T, true.T, strict=True):
-        moves = np.flatnonzero(np.diff(states)) + 1
-        for start, end in zip(moves, np.append(moves[1:], len(states)), strict=True):
+    for column in links.T:
+        moves = np.flatnonzero(np.diff(column)) + 1
+        for start, end in pairwise([*moves, len(column)]):
             if rng.random() < share:
-                column[start:end] = states[start - 1]
+                column[start:end] = column[start - 1]
     return links
 
 

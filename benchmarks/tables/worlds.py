@@ -8,9 +8,8 @@
 `record` makes, for each world, boards of the training split to judge on (`validation`), to tune on (`training`), and
 `others` for shortcuts and more training, and acts on them by the scripted policy: it takes a random link that
 shows, at a contact and in a direction that move it. Pictures are small, everything else is as ever. No test split is
-looked at. With `--policy`, a training of the interaction policy, `record` makes `explored` and `photographed`, too: for
-training, acted on by that policy, with pictures as the frozen boards have them (`benchmarks.tables.world_gates`), or
-before a real camera. It meets fewer links.
+looked at. With `--policy`, a training of the interaction policy, `record` makes `explored`, too: for training, acted on
+by that policy and photographed as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links.
 
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
@@ -73,17 +72,10 @@ KIND = "worlds"
 NAMES = (*WORLDS, PAPER)
 STEPS = 30
 PICTURES = ("render.width=320", "render.height=240")
-RECORDED = {
-    "training": (60, 822),
-    "validation": (200, 821),
-    "others": (400, 825),
-    "explored": (60, 826),
-    "photographed": (30, 830),
-}
+RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825), "explored": (60, 826)}
 """Number of boards and seed, which no other recording has; nothing but shortcuts is judged on `others`."""
-BY_POLICY = {"explored": "clean", "photographed": "real"}
-"""Cameras of what a learned policy records."""
-SCRIPTED = tuple(name for name in RECORDED if name not in BY_POLICY)
+BY_POLICY = "explored"
+SCRIPTED = tuple(name for name in RECORDED if name != BY_POLICY)
 FEW, CHOOSING, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
@@ -110,14 +102,12 @@ def record(words: list[str]) -> None:
     options.add_argument("--data", type=Path, required=True)
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--sets", help="which recordings, comma-separated; all that can be made by default")
-    options.add_argument(
-        "--policy", help="a training of the interaction policy, which acts on `explored` and `photographed`"
-    )
+    options.add_argument("--policy", help="a training of the interaction policy, which acts on `explored`")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
     sets = runner.chosen(arguments.sets or ",".join(RECORDED if arguments.policy else SCRIPTED), RECORDED)
-    for name in BY_POLICY.keys() & sets if not arguments.policy else ():
-        raise SystemExit(f"{name}: nobody is there to act; name a training of the interaction policy by --policy")
+    if BY_POLICY in sets and not arguments.policy:
+        raise SystemExit(f"{BY_POLICY}: nobody is there to act; name a training of the interaction policy by --policy")
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
         for name, (boards, seed) in ((one, RECORDED[one]) for one in sets):
             folder = arguments.data / world / name
@@ -129,8 +119,8 @@ def record(words: list[str]) -> None:
 
 def _acting(name: str, policy: str | None) -> tuple[str, ...]:
     """By whom boards are acted on; a learned policy reads pictures of the usual size."""
-    if name in BY_POLICY:
-        return ("--policy", "learned", "--model", str(policy), "--camera", BY_POLICY[name])
+    if name == BY_POLICY:
+        return ("--policy", "learned", "--model", str(policy))
     return ("--policy", "scripted", *runner.settings(*PICTURES))
 
 

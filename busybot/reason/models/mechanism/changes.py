@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import Tensor
+from torch.nn.functional import avg_pool1d
 
 from busybot.reason.models.mechanism.contexts import (
     MEMORIES,
@@ -36,6 +37,8 @@ KINDS = ("all", "without luck", "one or two links as they are now")
 """Explanations whose odds are told."""
 EARLIEST = 8
 """What was seen of a mechanism for fewer actions is not taken for another one."""
+BESIDE = 1
+"""A change is taken to lie where one is likeliest within so many actions."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Changes:
         odds: float32 (K, R, 3), log odds, if changed and unchanged mechanisms were as frequent, by explanations of each
             of `KINDS`.
         places: int (R,), the first action after which it showed what the new one makes of it, if there is one; of all
-            actions.
+            actions, and by all of `KINDS`, each of which counts as much.
         since: float32 (R, H, K), how probable each of H explanations makes what was shown if it explains it since a
             change, whenever that was, and any other one before: log probability, less that of the best one that there
             can be; 0 where nothing can have changed.
@@ -68,12 +71,14 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
         logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
         logs[:, :, 1:].masked_fill_(counted.before[:, 1:], -torch.inf)
         starts, whole, anew = counted.starts[1:], logs[..., 0] + prior[:, None], logs[:, asked, 1:]
+        since_when = torch.zeros(len(starts))
         for kind, of in enumerate(kinds):
             until = torch.logsumexp(whole[of], 0)  # (M,)
             later = torch.logsumexp(anew[of] + prior[of, None, None], 0) + until[starts - 1]  # (K + 1, S - 1)
             odds[number, :, kind] = torch.logsumexp(later, 1) - asked.clamp(min=1).log() - until[asked]
+            since_when += later[-1].softmax(0)
         either = anew + torch.logsumexp(whole, 0)[starts - 1]  # (H, K + 1, S - 1)
-        places[number] = starts[torch.logsumexp(either[:, -1] + prior[:, None], 0).argmax()]
+        places[number] = starts[_likeliest(since_when)]
         explained = torch.logsumexp(either, -1)
         best = explained[prior.isfinite()].max(0).values
         since[number] = torch.where(best.isfinite(), explained - best, 0.0)
@@ -85,6 +90,11 @@ def _kinds(found: Explanations, links: int) -> list[Tensor]:
     """Explanations of each of `KINDS`."""
     now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, links:].any(1)
     return [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
+
+
+def _likeliest(shares: Tensor) -> int:
+    """Where most lies, with the neighbours: single ones may be high by chance."""
+    return int(avg_pool1d(shares[None], 2 * BESIDE + 1, stride=1, padding=BESIDE)[0].argmax())
 
 
 def _prior(found: Explanations, itself: int) -> Tensor:

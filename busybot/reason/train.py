@@ -100,13 +100,19 @@ LABELS = {"parents": "true parents", "pictures": "none"}
 
 
 def _suited(config: Config, datasets: list[Dataset]) -> Config:
-    """The same with what the `mechanism` network hears and says: worlds of the datasets; with labels changes and unseen
-    links."""
+    """The same with what the `mechanism` network hears and says: worlds of the datasets; with labels changes, unseen
+    links, which way round links are, and whether the camera was still."""
     if not isinstance(config, MechanismConfig):
         return config
     told = {str(dataset.info.generator.config.get("world", PAPER)) for dataset in datasets}
     labels = config.labels == "parents"
-    heard = {"worlds": config.net.worlds or tuple(sorted(told)), "changes": labels, "unseen": labels}
+    heard = {
+        "worlds": config.net.worlds or tuple(sorted(told)),
+        "changes": labels,
+        "unseen": labels,
+        "rising": labels,
+        "unsteady": labels,
+    }
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 

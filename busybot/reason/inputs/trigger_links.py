@@ -35,6 +35,8 @@ TOGETHER = 0.7
 a link that goes back changes the same pixels the other way round."""
 REACH = 0.07
 """An action that moved nothing belongs to a link that was taken hold of so near, board units."""
+FRINGE = 0.05
+"""So large a share of a link's pixels, on each side, is not told of its outline."""
 SHARED = 0.36
 """The moves of a link with three states have so large a share of pixels in common, of those that the smaller one
 changed: .39 or more on boards of training objects."""
@@ -71,6 +73,8 @@ class ObservedLinks:
         pushed: float32 (T, 3), the direction that each action tried last, if anything changed; else the proposed one.
         pixels: L int arrays (n, 2), (u, v) of the pixels that tell how each link stands.
         camera: that sees them. All three are known of a still camera alone.
+        outlines: float (L, 6), width and height of the owner's box, and of the pixels that tell how the link stands,
+            and how far right and down of the box's centre theirs is, in widths of the picture; None if nobody knows.
     """
 
     clusters: np.ndarray
@@ -82,6 +86,7 @@ class ObservedLinks:
     pushed: np.ndarray | None = None
     pixels: tuple[np.ndarray, ...] = ()
     camera: Camera | None = None
+    outlines: np.ndarray | None = None
 
     def away(self, place: np.ndarray) -> np.ndarray:
         """How far each link's pixels are from where a place (3,) is seen, float (L,), pixels; infinity if nobody
@@ -160,6 +165,7 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
     states: list[np.ndarray] = []
     pixels: list[np.ndarray] = []
     directions: list[np.ndarray] = []
+    outlines: list[np.ndarray] = []
     for trigger, view in views.items():
         touched = np.flatnonzero(acted == trigger)
         groups = _together(view.moves(touched), contacts if unsteady else None)
@@ -181,10 +187,12 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
             states.append(link.states)
             pixels.append(np.argwhere(link.own)[:, ::-1] + view.corner[::-1])
             directions.append(directions_of(pushed, link.states, link.steps))
+            outlines.append(_outline(link.own))
     _join_failed(clusters, acted, contacts, np.array(owners, int), np.array(places).reshape(-1, 2))
     told = np.array(states, int).T.reshape(len(observed.image_of), len(states))
     at = np.array(places).reshape(-1, 2)
-    found = ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady)
+    outlined = np.array(outlines).reshape(-1, 6) / observed.frame(0).rgb.shape[1]
+    found = ObservedLinks(clusters, told, np.array(owners, int), at, tuple(directions), unsteady, outlines=outlined)
     if unsteady:  # which way worked, and which pixels, is not sure then
         return found
     return replace(found, pushed=pushed, pixels=tuple(pixels), camera=observed.camera)
@@ -275,6 +283,17 @@ def _states(looks: np.ndarray, distance: str = "cityblock") -> np.ndarray:
     if len(set(labels)) > STATES:
         labels = fcluster(tree, STATES, "maxclust")
     return _numbered(labels)
+
+
+def _outline(own: np.ndarray) -> np.ndarray:
+    """As of `ObservedLinks.outlines`, in pixels; a few pixels far from the others do not count.
+
+    Args:
+        own: bool (h, w), in the owner's box.
+    """
+    box = np.array(own.shape[::-1], float)
+    low, high = np.quantile(np.argwhere(own)[:, ::-1], (FRINGE, 1 - FRINGE), axis=0)
+    return np.concatenate([box, high - low, (low + high - box) / 2])
 
 
 def _changed(moves: Sequence[Move]) -> np.ndarray:

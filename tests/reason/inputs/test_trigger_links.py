@@ -188,3 +188,12 @@ def test_what_was_watched_further_shows_of_the_first_actions_what_they_alone_sho
             told = zip(value, other[name], strict=True) if isinstance(value, tuple) else [(value, other[name])]
             for own, alone in told:
                 np.testing.assert_array_equal(own, alone, err_msg=f"{name} after {steps}")
+
+
+def test_outlines_tell_where_in_its_box_a_link_is_and_how_large() -> None:
+    observed, _ = played(MOVES)
+    found = observe_links(observed)
+    two = int(found.clusters[0])
+    width, height, own_width, own_height, right, down = found.outlines[two] * observed.frame(0).rgb.shape[1]
+    assert (width, height) == (40, 40) and own_width <= 6 and 15 <= own_height <= 22
+    np.testing.assert_allclose([right, down], [25 - 40, 33 - 40], atol=1)

@@ -20,7 +20,7 @@ MOST = 1024
 
 
 def completed(
-    known: Mapping[tuple[int, ...], int], sizes: Sequence[int], states: int
+    known: Mapping[tuple[int, ...], int], sizes: Sequence[int], states: int, rising: Sequence[float] = ()
 ) -> dict[tuple[int, ...], np.ndarray]:
     """What may follow each situation that was not met: the share of functions in which each state does.
 
@@ -29,6 +29,8 @@ def completed(
             known to have tells nothing.
         sizes: number of states of each input.
         states: so many may follow.
+        rising: log odds that the inputs' states are numbered as they rise; nobody knows by default. Functions in which
+            all inputs work the same way are likelier.
 
     Returns:
         float (states,) by situation; nothing if all were met, or no function is left, or too many are.
@@ -47,7 +49,7 @@ def completed(
     left = ways[np.all(matter, axis=0)]
     if not len(left):
         return {}
-    weights = np.where(_one_way(tables[..., np.all(matter, axis=0)]), 1.0, BOTH_WAYS)
+    weights = _likelihoods(tables[..., np.all(matter, axis=0)], rising or np.zeros(len(sizes)))
     shares = np.einsum("f,fus->us", weights, np.eye(states)[left]) / weights.sum()
     return dict(zip(unmet, shares, strict=True))
 
@@ -67,10 +69,15 @@ def lasting(known: Mapping[tuple[int, ...], int], states: int) -> dict[tuple[int
     return {(one,): np.bincount(left[:, one], minlength=states) / len(left) for one in unmet} if len(left) else {}
 
 
-def _one_way(tables: np.ndarray) -> np.ndarray:
-    """Which functions, the last axis, are unate: no input raises what follows here and lowers it there."""
-    fits = np.ones(tables.shape[-1], bool)
+def _likelihoods(tables: np.ndarray, rising: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Of functions, the last axis, float (functions,). Where each input works one way, how probable it is, times how
+    many ways there are, that all raise what follows when they rise, or all lower it."""
+    ways, fits = np.zeros((tables.ndim - 1, tables.shape[-1])), np.ones(tables.shape[-1], bool)
     for axis in range(tables.ndim - 1):
         steps = np.diff(tables, axis=axis).reshape(-1, tables.shape[-1])
-        fits &= ~((steps > 0).any(0) & (steps < 0).any(0))
-    return fits
+        ups, downs = (steps > 0).any(0), (steps < 0).any(0)
+        fits &= ~(ups & downs)
+        ways[axis] = 1.0 * ups - 1.0 * downs
+    spins = np.tanh(np.asarray(rising) / 2)[:, None] * ways
+    alike = ((1 + spins).prod(0) + (1 - spins).prod(0)) / 2
+    return np.where(fits, alike, BOTH_WAYS)

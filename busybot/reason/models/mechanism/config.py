@@ -15,6 +15,8 @@ class MechanismNetConfig(FrozenModel):
         width: of hidden layers.
         worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
         changes: whether it says which mechanisms changed; training without labels does not teach that.
+        rising: whether it hears which way round links are, as far as their looks tell; labels teach that, too.
+        unsteady: whether it hears that the camera was not still; drawn boards teach that.
         unseen: whether it says how probable it is that links decide a responder that nobody saw moving; the same holds.
     """
 
@@ -22,6 +24,8 @@ class MechanismNetConfig(FrozenModel):
     worlds: Annotated[tuple[Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")], ...], Field(max_length=64)] = ()
     changes: bool = True
     unseen: bool = False
+    rising: bool = False
+    unsteady: bool = False
 
 
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -31,6 +35,8 @@ class Blur(FrozenModel):
     """What pictures of a board that is seen as badly as can be do not tell rightly, as shares.
 
     Attributes:
+        unsteady: of the boards, that no still camera saw: between well and as badly as can be. Of the others a still
+            camera tells nearly all.
         confused: of the moves, that are taken for another link's.
         missed: of the moves, that are not seen.
         hidden: of the links, that nothing tells the moves of.
@@ -40,6 +46,7 @@ class Blur(FrozenModel):
         covered: of a responder's pictures, from which on it is hidden for one to four and seems to stay as it was.
     """
 
+    unsteady: Share = 0.4
     confused: Share = 0.02
     missed: Share = 0.06
     hidden: Share = 0.04

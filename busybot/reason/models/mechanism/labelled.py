@@ -1,12 +1,12 @@
 """Labelled traces: recorded boards as pictures show them, and boards that are drawn and moved without a simulator.
 
-Labels are the true parents of boards of the training split, from which step on others were, and which objects and
-links were held (amortised inference); of drawn boards also how many states links have. Nothing else that is privileged
-is read, and nothing at all when boards are judged.
+Labels are the true parents of boards of the training split, from which step on others were, which objects and links
+were held, and which way round links are (amortised inference); of drawn boards also how many states links have.
+Nothing else that is privileged is read, and nothing at all when boards are judged.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -23,9 +23,10 @@ from busybot.objects.library import Library
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
-from busybot.reason.models.mechanism.networks import explanation_graph, moments_of
+from busybot.reason.models.mechanism.networks import Told, explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
-from busybot.reason.models.mechanism.pictured import pictured
+from busybot.reason.models.mechanism.pictured import STILL, pictured
+from busybot.reason.models.mechanism.rising import FORM, forms_of
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 
@@ -46,6 +47,21 @@ class LabelledTriggers:
 
 
 @dataclass(frozen=True)
+class LabelledLinks:
+    """What is true of L links.
+
+    Attributes:
+        rises: int (L,), 1 where states are numbered as they rise, -1 where the other way round, 0 where nobody knows.
+        forms: float32 (L, FORM), what they look like, as of `rising.forms_of`; (0, FORM) of a board without pictures.
+        objects: names of the objects that they are of; none of such a board.
+    """
+
+    rises: np.ndarray
+    forms: np.ndarray = field(default_factory=lambda: np.zeros((0, FORM), np.float32))
+    objects: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class LabelledTrace:
     """A board's trace and what was true.
 
@@ -54,6 +70,9 @@ class LabelledTrace:
         parents: bool (T, I, R), the inputs that decided each responder after each action; None if nobody says.
         changed: bool (T, R), whether another mechanism than at first did; None if nobody says.
         triggers: what a recording told of its triggers after some numbers of actions; none for drawn boards.
+        links: what is true of its links; None if nobody says.
+        rising: float (L,), log odds that these are numbered as they rise, as their looks tell; None if they do not.
+        unsteady: whether the camera was not still.
     """
 
     trace: Trace
@@ -61,6 +80,9 @@ class LabelledTrace:
     parents: np.ndarray | None = None
     changed: np.ndarray | None = None
     triggers: tuple[LabelledTriggers, ...] = ()
+    links: LabelledLinks | None = None
+    rising: np.ndarray | None = None
+    unsteady: bool = False
 
     @property
     def actions(self) -> int:
@@ -72,13 +94,14 @@ class LabelledTrace:
         if self.parents is None or self.changed is None:
             return self._foretold(after, world)
         steps = np.maximum(np.asarray(after) - 1, 0)
-        graph = explanation_graph(self.trace, after, world, parents=self.parents[steps])
+        told = Told(world, self.rising, self.unsteady)
+        graph = explanation_graph(self.trace, after, told, parents=self.parents[steps])
         graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())
         return graph
 
     def _foretold(self, after: Sequence[int], world: int) -> HeteroData:
         """With `later`, float32 (R * H, K): log probability that explanations gave to all that was shown after that."""
-        graph = explanation_graph(self.trace, [*after, self.actions], world)
+        graph = explanation_graph(self.trace, [*after, self.actions], Told(world))
         logs = SCALE * graph["explanation"].evidence[..., EITHER]
         graph["explanation"].later = logs[:, -1:] - logs
         return moments_of(graph, torch.arange(len(after)))
@@ -106,7 +129,27 @@ def labelled(episode: Episode, seen: Perceived, touched: Sequence[Touched] = ())
         LabelledTriggers(one, true_triggers(board, one.triggers.tolist(), responders, len(one.acted)))
         for one in touched
     )
-    return LabelledTrace(seen.trace, board.world, *true, tuple(triggers))
+    links = inputs[: len(seen.links.owners)]
+    told = LabelledLinks(
+        true_rises(episode, seen.trace, links), forms_of(seen.links), tuple(board.objects[one].key for one, _ in links)
+    )
+    return LabelledTrace(seen.trace, board.world, *true, tuple(triggers), told, unsteady=seen.links.steadied)
+
+
+def true_rises(episode: Episode, trace: Trace, links: Sequence[Named]) -> np.ndarray:
+    """int (L,), as of `LabelledLinks`."""
+    true = np.array(
+        [step.trigger_states_before for step in episode.steps[:1]]
+        + [step.trigger_states_after for step in episode.steps]
+    )
+    held = [(step.acted_object, step.acted_link) for step in episode.steps]
+    found = np.zeros(len(links), int)
+    for number, link in enumerate(links):
+        moved = (true[1:] != true[:-1])[[one == link for one in held]].sum(0)
+        if moved.any():
+            own, said = true[:, moved.argmax()], trace.links[:, number]
+            found[number] = np.sign(((own - own.mean()) * (said - said.mean())).sum())
+    return found
 
 
 def true_parents(board: BoardSpec, inputs: Sequence[Named], responders: Sequence[int], actions: int) -> np.ndarray:
@@ -155,9 +198,12 @@ def draw_boards(
         trace = Trace(np.array(rows), np.array([state.shown for state in states])[:, responders], links.sizes)
         true = true_parents(board, inputs, responders, actions), true_changes(board, responders, actions)
         if blur is not None:
-            trace, kept = pictured(trace, true[0], blur, generator(seed, world, number, "mechanisms/pictures"))
-            true = kept, true[1]
-        yield board, LabelledTrace(trace, world, *true)
+            rng = generator(seed, world, number, "mechanisms/pictures")
+            unsteady = bool(rng.random() < blur.unsteady)
+            trace, parents, rises = pictured(trace, true[0], blur, rng.random() if unsteady else STILL, rng)
+            yield board, LabelledTrace(trace, world, parents, true[1], links=LabelledLinks(rises), unsteady=unsteady)
+        else:
+            yield board, LabelledTrace(trace, world, *true)
 
 
 def _moved_at_random(

@@ -85,6 +85,7 @@ class _Law:
 
     Attributes:
         sizes: number of states of each input.
+        rising: log odds that these are numbered as they rise.
         weight: log probability.
         counts: how often each state followed a context.
         goals: of what may fail: how well each state agrees with being where it goes in a context, see
@@ -93,6 +94,7 @@ class _Law:
 
     inputs: tuple[int, ...]
     sizes: tuple[int, ...]
+    rising: tuple[float, ...]
     what: str
     ways: tuple[str, ...]
     late: int
@@ -103,13 +105,14 @@ class _Law:
     _unmet: dict[tuple[int, ...], np.ndarray] | None = None
 
     @staticmethod
-    def of(inputs: np.ndarray, memory: str, share: float, sizes: Sequence[int]) -> "_Law":
+    def of(inputs: np.ndarray, memory: str, share: float, sizes: Sequence[int], rising: Sequence[float]) -> "_Law":
         what, *rest = memory.replace(",", "").split()
         late = int(rest[0]) if what == "late" else 0
         ways = tuple(way for way in rest if way in WAYS)
         own = what == "own"
         read = tuple(np.flatnonzero(inputs).tolist())
-        return _Law(read, tuple(sizes[one] for one in read), what, ways, late, own, float(np.log(share + 1e-9)))
+        of_inputs = tuple(sizes[one] for one in read), tuple(rising[one] for one in read)
+        return _Law(read, *of_inputs, what, ways, late, own, float(np.log(share + 1e-9)))
 
     def context(self, after: Moment, before: int) -> tuple[int, ...]:
         """After an action, with the responder as it was before it."""
@@ -146,7 +149,7 @@ class _Law:
             known = {inputs: int(np.argmax(told)) for inputs, told in followed.items()}
             states = 1 + max([1, *known.values()])
             lasts = self.what == "since"
-            self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states)
+            self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states, self.rising)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
@@ -175,6 +178,7 @@ class Laws:
         shares: float (R, H), probability of each explanation.
         links, responders: int (T + 1, L), (T + 1, R), what was seen.
         of: bool (R, T + 1), the moments that tell of these explanations; all by default.
+        rising: float (L,), log odds that the links' states are numbered as they rise; nothing is known by default.
     """
 
     def __init__(
@@ -186,11 +190,16 @@ class Laws:
         links: np.ndarray,
         responders: np.ndarray,
         of: np.ndarray | None = None,
+        rising: np.ndarray | None = None,
     ):
         self.sizes, self._ways = tuple(sizes), [max(2, int(column.max()) + 1) for column in responders.T]
         of_inputs = (*self.sizes, *self._ways)
+        odds = (*([0.0] * len(self.sizes) if rising is None else rising.tolist()), *[0.0] * len(self._ways))
         self._laws = [
-            [_Law.of(inputs[h], MEMORIES[memory[h]], own[h], of_inputs) for h in np.argsort(-own, kind="stable")[:KEPT]]
+            [
+                _Law.of(inputs[h], MEMORIES[memory[h]], own[h], of_inputs, odds)
+                for h in np.argsort(-own, kind="stable")[:KEPT]
+            ]
             for own in shares
         ]
         weights = [[law.weight for law in laws] for laws in self._laws]

@@ -18,6 +18,7 @@ from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.models.mechanism.config import MechanismConfig
+from busybot.reason.models.mechanism.known_links import KnownLinks
 from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
@@ -136,7 +137,9 @@ class MechanismLearner(Learner):
             world = board.world if rng.random() >= self.config.untold else ""
             for part in board.triggers:
                 end = [len(part.touched.acted)]
-                found, shares, _ = reasoner.explain(part.touched.trace, end, world)
+                found, shares, _ = reasoner.explain(
+                    part.touched.trace, end, world, part.touched.forms, part.touched.unsteady
+                )
                 pairs = part.touched.pairs(end, shares, found.inputs)
                 known.append((pairs, world_number(self.config.net, world)))
                 true.append(part.deciding[None])
@@ -196,7 +199,14 @@ def learner_of(
     for world in worlds if config.drawn and config.labels == "parents" else ():
         drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur)
         traces += [trace for _, trace in drawn]
-    return MechanismLearner(config, traces, judged, seed)
+    if not config.net.rising:
+        return MechanismLearner(config, traces, judged, seed)
+    links = KnownLinks.of(traces, generator(seed, "train", 0, "reason/mechanism/rising"))
+    traces, judged = ([links.heard(one) for one in each] for each in (traces, judged))
+    learner = MechanismLearner(config, traces, judged, seed)
+    assert learner.network.rising is not None
+    learner.network.rising.learn(links.forms, links.rises)
+    return learner
 
 
 def _looked_at(

@@ -13,6 +13,7 @@ Letters: X explanations and C candidates of R responders of all boards, K moment
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -25,6 +26,7 @@ from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
 from busybot.reason.models.mechanism.evidence import EVIDENCE, SCALE, WITNESSES, evidence_of
+from busybot.reason.models.mechanism.rising import Rising, alike_of, explained, ways_of
 from busybot.reason.models.mechanism.unseen import Unseen
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
@@ -37,10 +39,34 @@ SHARP = 5.0
 """Column 0 of the evidence times this is a log probability."""
 
 
+@dataclass(frozen=True)
+class Told:
+    """What is told of a board beside what was recorded of it.
+
+    Attributes:
+        world: number of its world, see `world_number`.
+        rising: float (L,), log odds that the links' states are numbered as they rise; None if nobody knows.
+        unsteady: whether the camera was not still.
+    """
+
+    world: int = 0
+    rising: np.ndarray | None = None
+    unsteady: bool = False
+
+    def to(self, graph: HeteroData) -> None:
+        """Put it into a board's graph."""
+        graph["board"].world = torch.tensor([self.world])
+        graph["board"].unsteady = torch.tensor([float(self.unsteady)])
+        rising = torch.zeros(graph["input"].num_nodes)
+        if self.rising is not None:
+            rising[: len(self.rising)] = torch.from_numpy(self.rising).float()
+        graph["input"].rising = rising
+
+
 def explanation_graph(
     trace: Trace,
     after: Sequence[int],
-    world: int = 0,
+    told: Told | None = None,
     parents: np.ndarray | None = None,
     changes: Changes | None = None,
 ) -> HeteroData:
@@ -48,21 +74,25 @@ def explanation_graph(
 
     | nodes and edges | attribute | shape | meaning |
     |---|---|---|---|
-    | `explanation` | `evidence` | float32 (R * H, K, 16) | `Evidence.explanations`, and `Changes.since` / `SCALE` |
+    | `explanation` | `evidence` | float32 (R * H, K, 17) | `Evidence.explanations`, `Changes.since` / `SCALE`, and \
+`alike_of` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
     | | `possible` | bool (R * H,) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism, of `Changes` |
+    | `input` | `rising` | float32 (I,) | log odds that a link's states are numbered as they rise, 0 for responders |
     | `board` | `world` | int64 (1,) | which world is told, 0 for none |
+    | | `unsteady` | float32 (1,) | 1 if the camera was not still |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
     | `explanation`, `reads`, `candidate` | `edge_index` | int64 (2, R * E) | |
     | | `witnesses` | float32 (R * E, K, 2) | `Evidence.inputs` |
+    | | `ways` | int64 (R * E,) | of `ways_of` |
     | `explanation`, `explains`, `responder` | `edge_index` | int64 (2, R * H) | |
     | `candidate`, `moves`, `responder` | `edge_index` | int64 (2, R * I) | |
 
     Args:
-        world: number of the world that is told, see `world_number`.
+        told: what is told beside the trace; nothing by default.
         parents: bool (K, I, R), the true parents at each moment.
         changes: of `changes_of` after as many actions each, if they are known already.
     """
@@ -75,14 +105,14 @@ def explanation_graph(
     evidence, changes = evidence_of(trace, found, after), changes or changes_of(trace, found, after)
     since = torch.from_numpy(changes.since)[..., None] / SCALE
     node.evidence, reads.witnesses = (
-        torch.cat([evidence.explanations, since], -1).flatten(0, 1),
+        torch.cat([evidence.explanations, since, alike_of(trace, found, after)[..., None]], -1).flatten(0, 1),
         evidence.inputs.flatten(0, 1),
     )
     graph["responder"].odds = torch.from_numpy(changes.odds.transpose(1, 0, 2).copy())
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())
-    graph["board"].world = torch.tensor([world])
+    (told or Told()).to(graph)
     return graph
 
 
@@ -117,6 +147,7 @@ def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
             np.stack([(row + each * count).ravel(), (read + each * inputs).ravel()])
         )
     }
+    ways = torch.from_numpy(ways_of(links, responders)).repeat(responders)
     for name, targets in (
         (("explanation", "explains", "responder"), owner.repeat_interleave(count)),
         (("candidate", "moves", "responder"), owner.repeat_interleave(inputs)),
@@ -130,7 +161,9 @@ def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
         "kind": kind.repeat(responders),
         "possible": torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten(),
     }
-    return {**nodes, **{name: {"edge_index": edge} for name, edge in edges.items()}}
+    told = {name: {"edge_index": edge} for name, edge in edges.items()}
+    told["explanation", "reads", "candidate"]["ways"] = ways
+    return {**nodes, **told}
 
 
 KINDS = len(MEMORIES) * (INPUTS + 1)
@@ -176,21 +209,24 @@ class MechanismNet(nn.Module):
         super().__init__()
         self.config, width = config, config.width
         self.kind = nn.Linear(KINDS, width, bias=False)
-        self.evidence = nn.Linear(EVIDENCE + 1, width)
+        heard = EVIDENCE + 1 + config.rising
+        self.evidence = nn.Linear(heard, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
         self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
-        self.straight = nn.Linear(EVIDENCE + 1, 1, bias=False)
+        self.straight = nn.Linear(heard, 1, bias=False)
         self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
         self.board = mlp(width, width, width)
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
+        self.unsteady = nn.Linear(1, width, bias=False) if config.unsteady else None
         self.prior = nn.Linear(KINDS, len(config.worlds) + 1, bias=False)
         self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
         self.unseen = Unseen(len(config.worlds)) if config.unseen else None  # learned afterwards, see there
+        self.rising = Rising() if config.rising else None  # learned before all else
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
         """See above."""
@@ -206,9 +242,16 @@ class MechanismNet(nn.Module):
         of_board = graph["responder", "lies on", "board"].edge_index[1]
         world = graph["board"].world[of_board][owner]
         known = self.kind.weight.T[node.kind] + self.world.weight.T[world]
+        if self.unsteady is not None:
+            known = known + self.unsteady(graph["board"].unsteady[of_board][owner, None])
         prior = SHARP * self.prior.weight[world, node.kind][:, None]
-        token = self.token(self.evidence(node.evidence) + known[:, None] + mattering)
-        rough = prior + (self.rough(token) + self.straight(node.evidence))[..., 0]
+        evidence = node.evidence[..., :-1]
+        if self.config.rising:
+            links = graph["input"].rising
+            told = explained(links, of_input[target], source, edges.ways, node.evidence[..., -1])
+            evidence = torch.cat([evidence, told[..., None]], -1)
+        token = self.token(self.evidence(evidence) + known[:, None] + mattering)
+        rough = prior + (self.rough(token) + self.straight(evidence))[..., 0]
         first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, owner)
         weight = first.exp()
         summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
@@ -228,7 +271,7 @@ class MechanismNet(nn.Module):
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             told = torch.cat([odds, rivals], -1) / SHARP
             change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
-            anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., -1]
+            anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., EVIDENCE]
             anew = self._shares(anew, node, owner)
             shares = torch.logaddexp(shares + logsigmoid(-change)[owner], anew + logsigmoid(change)[owner])
         return shares, first, change

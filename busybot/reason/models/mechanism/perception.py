@@ -220,4 +220,5 @@ def _joined(
         places=np.vstack([links.places, actions[steps, :2].mean(0)]),
         directions=(*links.directions, directions_of(actions[:, 3:], states, steps)),
         pixels=(*links.pixels, np.zeros((0, 2), int)),
+        outlines=None if links.outlines is None else np.vstack([links.outlines, np.full(6, np.nan)]),
     )

@@ -9,38 +9,50 @@ from busybot.reason.models.mechanism.contexts import Trace
 
 COVERED = 4
 """What is hidden is hidden for so many pictures at most."""
+STILL = 0.03
+"""A board before a still camera is seen so badly."""
 PHANTOM_MOVES = 2
 """A link that is none seems to move so often."""
 
 
-def pictured(trace: Trace, parents: np.ndarray, blur: Blur, rng: np.random.Generator) -> tuple[Trace, np.ndarray]:
-    """A true trace as pictures tell it, without links that were not seen moving, and the parents among what is left.
+def pictured(
+    trace: Trace, parents: np.ndarray, blur: Blur, badly: float, rng: np.random.Generator
+) -> tuple[Trace, np.ndarray, np.ndarray]:
+    """A true trace as pictures tell it, without links that were not seen moving; the parents among what is left; and
+    whether the states of its links are numbered as they rise, int (L,): 1 or -1, 0 of what is no link.
 
     Args:
         parents: bool (T, I, R), as of `LabelledTrace`.
-        blur: of a board that is seen as badly as can be; a share of it, drawn for each board, is true of the board.
+        blur: of a board that is seen as badly as can be.
+        badly: how badly this one is seen, 0 to 1.
     """
-    badly, responders = rng.random(), trace.responders
+    responders = trace.responders
     seen = (trace.links != trace.links[0]).any(0)
     seen &= rng.random(len(seen)) >= badly * blur.hidden
     links = _mistaken(trace.links, trace.sizes, badly * blur.confused, rng)
     links, sizes = _missed(links, badly * blur.missed, rng)[:, seen], np.array(trace.sizes)[seen]
     kept = parents[:, np.concatenate([seen, np.ones(responders.shape[1], bool)])]
+    rises = np.where(turned(Trace(links, responders, tuple(sizes.tolist()))), -1, 1)
     if rng.random() < badly * blur.phantoms:
         moves = rng.random(len(links)) < PHANTOM_MOVES / len(links)
         kept = np.insert(kept, links.shape[1], False, axis=1)
         links, sizes = np.hstack([links, np.cumsum(moves)[:, None] % 2]), np.append(sizes, 2)
+        rises = np.append(rises, 0)
     shown = np.stack([_shown(column, badly, blur, rng) for column in responders.T], axis=1)
     told = as_pictured(Trace(links, shown, tuple(sizes.tolist())))
-    return Trace(told.links, told.responders, tuple((told.links.max(0, initial=1) + 1).tolist())), kept
+    return Trace(told.links, told.responders, tuple((told.links.max(0, initial=1) + 1).tolist())), kept, rises
 
 
 def as_pictured(trace: Trace) -> Trace:
     """The same with states numbered as pictures number them: as they appear, but for the middle one of three links'."""
-    top = np.array(trace.sizes) - 1
-    links = np.where(trace.links[:1] > top / 2, top - trace.links, trace.links)
+    links = np.where(turned(trace), np.array(trace.sizes) - 1 - trace.links, trace.links)
     responders = np.stack([_as_they_appear(column) for column in trace.responders.T], axis=1)
     return Trace(links, responders, trace.sizes)
+
+
+def turned(trace: Trace) -> np.ndarray:
+    """Which links' states pictures number from the highest one on, bool (L,)."""
+    return np.asarray(trace.links[0] > (np.array(trace.sizes) - 1) / 2)
 
 
 def _as_they_appear(states: np.ndarray) -> np.ndarray:

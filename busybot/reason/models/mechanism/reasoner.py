@@ -33,9 +33,16 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
-from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, moments_of, world_number
+from busybot.reason.models.mechanism.networks import (
+    MechanismNet,
+    Told,
+    explanation_graph,
+    moments_of,
+    world_number,
+)
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.present import RARE, REST, Past
+from busybot.reason.models.mechanism.rising import FORM, forms_of
 from busybot.reason.models.mechanism.study import study_of
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData
@@ -68,6 +75,7 @@ class _Understood:
         since: int (R,), the moment from which on the mechanism that a responder has at the end decides it; 0 is the
             new board.
         early: float (R, H), probability of each explanation before that; the same where there is no such time.
+        rising: float (L,), log odds that the links' states are numbered as they rise.
     """
 
     perceived: Perceived
@@ -75,6 +83,7 @@ class _Understood:
     shares: np.ndarray
     since: np.ndarray
     early: np.ndarray
+    rising: np.ndarray
     _unmet: dict[tuple[int, int, bool], dict[int, np.ndarray]] = field(default_factory=dict)
 
     @property
@@ -93,7 +102,7 @@ class _Understood:
     def laws(self, moment: int = -1) -> Laws:
         """What the board did at a moment, the end by default."""
         found, trace, (of, shares) = self.found, self.trace, self.at(moment)
-        return Laws(trace.sizes, found.inputs, found.memory, shares, trace.links, trace.responders, of)
+        return Laws(trace.sizes, found.inputs, found.memory, shares, trace.links, trace.responders, of, self.rising)
 
     def following(self, contexts: np.ndarray, before: np.ndarray, at: int | None = None) -> np.ndarray:
         """The likeliest states after an action, int (R,).
@@ -155,7 +164,8 @@ class _Understood:
                 tuple((context // places % each).tolist()): int(tells[contexts == context].sum(0).argmax())
                 for context in set(contexts.tolist())
             }
-            told = lasting(known, states) if lasts else completed(known, sizes.tolist(), states)
+            rising = np.append(self.rising, np.zeros(trace.responders.shape[1]))[inputs].tolist()
+            told = lasting(known, states) if lasts else completed(known, sizes.tolist(), states, rising)
             self._unmet[key] = {
                 int(np.array(one) @ places): np.pad(shares, (0, STATES - len(shares))) for one, shares in told.items()
             }
@@ -300,15 +310,24 @@ class MechanismReasoner:
 
     def _after_each(self, seen: BoardSequence) -> tuple[np.ndarray, np.ndarray | None]:
         """As `_weighed`, on the new board and after each action."""
-        return seen.once(
-            (self, "after each"), lambda: self._weighed(study_of(seen, self.encoder).after_each, seen.world)
-        )
+        return seen.once((self, "after each"), lambda: self._studied(seen, study_of(seen, self.encoder).after_each))
 
     def _at_the_end(self, seen: BoardSequence) -> tuple[np.ndarray, np.ndarray | None]:
         """As `_weighed`, after the last action."""
-        return seen.once(
-            (self, "at the end"), lambda: self._weighed(study_of(seen, self.encoder).at_the_end, seen.world)
-        )
+        return seen.once((self, "at the end"), lambda: self._studied(seen, study_of(seen, self.encoder).at_the_end))
+
+    def _studied(self, seen: BoardSequence, graph: HeteroData) -> tuple[np.ndarray, np.ndarray | None]:
+        links = study_of(seen, self.encoder).perceived.links
+        return self._weighed(graph, self._told(seen.world, forms_of(links), links.steadied))
+
+    def _told(self, world: str, forms: np.ndarray, unsteady: bool) -> Told:
+        return Told(world_number(self._net.config, world), self._rising(forms), unsteady)
+
+    def _rising(self, forms: np.ndarray) -> np.ndarray:
+        """Log odds that links of these forms (L, FORM) are numbered as they rise."""
+        if self._net.rising is None:
+            return np.zeros(len(forms))
+        return np.asarray(self._net.rising(torch.from_numpy(forms)).double().numpy())
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
@@ -323,29 +342,39 @@ class MechanismReasoner:
             if since.any():
                 each, _ = self._after_each(seen)
                 early = np.where(since[:, None] > 0, each[np.arange(len(since)), :, since - 1], shares)
-            return _Understood(study.perceived, study.found, shares, since, early)
+            rising = self._rising(forms_of(study.perceived.links))
+            return _Understood(study.perceived, study.found, shares, since, early, rising)
 
         return seen.once((self, "understood"), understood)
 
     def explain(
-        self, trace: Trace, after: Sequence[int], world: str = ""
+        self,
+        trace: Trace,
+        after: Sequence[int],
+        world: str = "",
+        forms: np.ndarray | None = None,
+        unsteady: bool = False,
     ) -> tuple[Explanations, np.ndarray, np.ndarray | None]:
         """What explains a trace after so many actions each.
 
         Args:
             world: that is told.
+            forms: of the links, as of `forms_of`; without them nobody knows which way round they are.
+            unsteady: whether the camera was not still.
 
         Returns:
             The explanations; how probable each is, float (R, H, K); and how probable it is that another mechanism than
             at first decides each responder, float (R, K), None if the network does not say so.
         """
-        return explanations_of(trace), *self._weighed(explanation_graph(trace, after), world)
+        links = np.full((trace.links.shape[1], FORM), np.nan, np.float32) if forms is None else forms
+        told = self._told(world, links, unsteady)
+        return explanations_of(trace), *self._weighed(explanation_graph(trace, after), told)
 
     @torch.no_grad()
-    def _weighed(self, graph: HeteroData, world: str) -> tuple[np.ndarray, np.ndarray | None]:
+    def _weighed(self, graph: HeteroData, what: Told) -> tuple[np.ndarray, np.ndarray | None]:
         """See `explain`."""
         told = copy(graph)
-        told["board"].world = torch.tensor([world_number(self._net.config, world)])
+        what.to(told)
         moments = torch.arange(graph["explanation"].evidence.shape[1]).split(AT_ONCE)
         parts = [self._net(Batch.from_data_list([moments_of(told, few)])) for few in moments]
         logs, _, odds = zip(*parts, strict=True)

@@ -16,6 +16,7 @@ from torch.nn.functional import binary_cross_entropy
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.perception import Perceived
+from busybot.reason.models.mechanism.rising import forms_of
 
 SEVERAL = 2
 """Triggers of which so many links are known, or more, are judged alike."""
@@ -37,17 +38,23 @@ class Touched:
         owners: int (L,), index of the trigger of each link.
         acted: int (T,), index of the trigger that each action touched, -1 for none.
         triggers: int (O,), indices of the triggers that show.
+        forms: float32 (L, FORM), as of `rising.forms_of`; None if nobody knows.
+        unsteady: whether the camera was not still.
     """
 
     trace: Trace
     owners: np.ndarray
     acted: np.ndarray
     triggers: np.ndarray
+    forms: np.ndarray | None = None
+    unsteady: bool = False
 
     @staticmethod
     def of(seen: BoardSequence, perceived: Perceived) -> "Touched":
         """What was perceived of a recording."""
-        return Touched(perceived.trace, perceived.links.owners.astype(int), perceived.acted, seen.shown_triggers)
+        links, there = perceived.links, seen.shown_triggers
+        owners, forms = links.owners.astype(int), forms_of(links)
+        return Touched(perceived.trace, owners, perceived.acted, there, forms, links.steadied)
 
     def pairs(self, after: Sequence[int], shares: np.ndarray, inputs: np.ndarray) -> "Pairs":
         """What is known of all pairs after so many actions each.

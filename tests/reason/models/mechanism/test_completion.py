@@ -34,3 +34,12 @@ def test_nothing_is_told_where_all_was_met_or_nothing_fits_or_too_much_does() ->
     assert completed({(0,): 0}, (2,), 1) == {}
     assert completed({}, (3, 3, 3), 3) == {}
     assert completed({(0,): 0, (2,): 1}, (2,), 2)[1,].tolist() == [0, 1], "a third state that nobody knew of"
+
+
+def test_inputs_that_are_the_same_way_round_work_the_same_way() -> None:
+    """Of two inputs neither of which does anything while the other is low: both, or the first alone, may matter."""
+    known = {(0, 0): 0, (0, 1): 0}
+    open_ = completed(known, (2, 2), 2)
+    alike, unlike = (completed(known, (2, 2), 2, odds) for odds in ((2.0, 2.0), (2.0, -2.0)))
+    assert open_[1, 1].tolist() == [0.5, 0.5]
+    assert alike[1, 1][1] > 0.75 > 0.25 > unlike[1, 1][1] and alike[1, 0][1] < 0.25

@@ -28,7 +28,7 @@ from busybot.reason.models.mechanism.contexts import (
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.labelled import LabelledTrace
 from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner, Shelf
-from busybot.reason.models.mechanism.networks import MechanismNet, explanation_graph, parents_of
+from busybot.reason.models.mechanism.networks import MechanismNet, Told, explanation_graph, parents_of
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 
@@ -234,7 +234,7 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
         sums = torch.zeros(graph["responder"].num_nodes, 2).index_add(0, owner, shares.exp())
         assert torch.allclose(sums, torch.ones_like(sums), atol=1e-5)
     assert final.exp()[~graph["explanation"].possible].max() < 1e-6
-    assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE + 1)
+    assert graph["explanation"].evidence.shape[1:] == (2, EVIDENCE + 2)
     assert graph["explanation", "reads", "candidate"].witnesses.shape[1:] == (2, WITNESSES)
     alone = explanation_graph(gates[1].trace, [3, 20])
     told = parents_of(net(Batch.from_data_list([alone]))[0], alone)
@@ -246,7 +246,7 @@ def test_what_a_world_makes_probable_is_so_where_it_is_told_alone(gates: list[La
     of_pairs = MEMORIES.index("late 0") + 2 * len(MEMORIES)
 
     def share(world: int) -> float:
-        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3], world)])
+        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3], Told(world))])
         shares = net(graph)[0].exp()[graph["explanation"].kind == of_pairs]
         return float(shares.detach().sum())
 

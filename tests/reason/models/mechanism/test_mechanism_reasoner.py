@@ -370,7 +370,8 @@ def exchanged(first: np.ndarray, then: np.ndarray, links: np.ndarray, since: int
     found = explanations_of(trace)
     [row] = np.flatnonzero((found.inputs == [True, True, False]).all(1) & (found.memory == MEMORIES.index(memory)))
     shares = np.eye(len(found.own))[[row]]
-    return _Understood(SimpleNamespace(trace=trace), found, shares, np.array([since]), shares * 0.9)  # type: ignore[arg-type]
+    seen = SimpleNamespace(trace=trace)
+    return _Understood(seen, found, shares, np.array([since]), shares * 0.9, np.zeros(2))  # type: ignore[arg-type]
 
 
 def test_each_mechanism_of_a_responder_is_told_by_its_own_time() -> None:

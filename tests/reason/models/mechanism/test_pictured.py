@@ -11,16 +11,6 @@ LENGTH, LINKS, RESPONDERS = 41, 4, 3
 NOTHING: dict[str, float] = dict.fromkeys(Blur.model_fields, 0.0)
 
 
-class Badly(np.random.Generator):
-    """What it says first is that the board is seen as badly as can be; everything after that is drawn."""
-
-    asked = 0
-
-    def random(self, *size: object, **more: object) -> object:  # type: ignore[override]
-        self.asked += 1
-        return 1.0 if self.asked == 1 else super().random(*size, **more)  # type: ignore[call-overload]
-
-
 def told(seed: int = 0, **shares: float) -> tuple[Trace, Trace, np.ndarray, np.ndarray]:
     """A true trace and the told one, true parents and those among what is told."""
     rng = np.random.default_rng(seed)
@@ -28,7 +18,7 @@ def told(seed: int = 0, **shares: float) -> tuple[Trace, Trace, np.ndarray, np.n
     true = as_pictured(Trace(links, rng.integers(2, size=(LENGTH, RESPONDERS)), (2,) * LINKS))
     parents = np.zeros((LENGTH - 1, LINKS + RESPONDERS, RESPONDERS), bool)
     parents[:, [0, 1, 3], [0, 1, 2]] = True
-    seen, kept = pictured(true, parents, Blur(**(NOTHING | shares)), Badly(np.random.PCG64(seed)))
+    seen, kept, _ = pictured(true, parents, Blur(**(NOTHING | shares)), 1.0, rng)
     return true, seen, parents, kept
 
 
@@ -54,7 +44,7 @@ def test_links_that_never_moved_are_not_told_nor_states_that_nobody_saw() -> Non
     trace = Trace(links, np.zeros((9, 1), int), (2, 3, 2))
     parents = np.ones((8, 4, 1), bool)
     parents[:, 1] = False
-    seen, kept = pictured(trace, parents, Blur(**NOTHING), np.random.default_rng(0))
+    seen, kept, _ = pictured(trace, parents, Blur(), 0.0, np.random.default_rng(0))
     np.testing.assert_array_equal(seen.links, links[:, 1:])
     assert seen.sizes == (2, 2) and kept[0, :, 0].tolist() == [False, True, True]
 
@@ -88,7 +78,7 @@ def test_a_hidden_responder_shows_what_it_did_for_up_to_four_pictures() -> None:
 
 def test_still_ones_never_change_and_hidden_links_leave_with_their_relations() -> None:
     assert not np.diff(told(still=1)[1].responders, axis=0).any()
-    true, seen, parents, kept = told(hidden=0.5)
+    true, seen, parents, kept = told(1, hidden=0.5)
     there = [column for column in true.links.T.tolist() if column in seen.links.T.tolist()]
     assert 0 < len(there) == seen.links.shape[1] == len(seen.sizes) < LINKS
     assert kept.shape[1] == len(there) + RESPONDERS and kept.sum() < parents.sum()

@@ -117,7 +117,8 @@ def reason(
 ) -> None:
     """Learn relations and effects from recorded episodes, without ever being told either.
 
-    The model `mechanism` is told: its labels are the true parents of the boards that it is trained on.
+    The model `mechanism` is told: its labels are the true parents of the boards that it is trained on, and
+    which way round their links are.
     """
     from busybot.common.config import build
     from busybot.reason.train import CONFIGS, train_reason

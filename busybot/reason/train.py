@@ -9,7 +9,8 @@ training.png                the same as a picture
 checkpoints/, metrics/      to go on from where a killed training stopped
 
 Relations, states and what the gripper truly held are never read (`observed`), but by the model `mechanism`: unless it
-is trained from pictures alone, its labels are the true parents of the boards that it is trained on.
+is trained from pictures alone, its labels are the true parents of the boards that it is trained on, and which way round
+their links are.
 """
 
 from collections.abc import Callable
@@ -96,7 +97,7 @@ def train_reason(
     return info
 
 
-LABELS = {"parents": "true parents", "pictures": "none"}
+LABELS = {"parents": "true parents, and which way round links are", "pictures": "none"}
 
 
 def _suited(config: Config, datasets: list[Dataset]) -> Config:

@@ -127,7 +127,7 @@ def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path
     result = run(*command, "--workers", "1", "--json")
     assert result.exit_code == 0, result.stderr
     told = json.loads(result.stdout)["training"]
-    assert (told["iterations"], told["labels"]) == (4, "true parents")
+    assert (told["iterations"], told["labels"]) == (4, "true parents, and which way round links are")
     assert load_reasoner(out).name == "mechanism"
     assert load_file(out / "model" / "weights.safetensors")["unseen.weight"].any(), "the end of the training is learned"
     judged = run("eval", "reason", str(data), "--reasoner", str(out), "--images", "4", "--workers", "1", "--json")

@@ -1,6 +1,7 @@
 """Trains the `mechanism` model, with the true parents of simulated boards as labels or from pictures alone.
 
-*True parents* are those of simulated boards of the training split (amortised inference: Lorenz & others, AVICI, 2022).
+*True parents* are those of simulated boards of the training split (amortised inference: Lorenz & others, AVICI, 2022);
+with them it is told which way round links are (`known_links`).
 *Pictures alone* tell, too: an explanation is as good after some actions as it foretells all that is seen later, while
 it goes on learning. The network learns to know early which explanations will; no true relation or state is read.
 """

@@ -22,6 +22,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import logsigmoid
 
+from busybot.reason.models.mechanism.changes import KINDS as CHANGES
 from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
@@ -222,7 +223,8 @@ class MechanismNet(nn.Module):
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
         self.unsteady = nn.Linear(1, width, bias=False) if config.unsteady else None
         self.prior = nn.Linear(KINDS, len(config.worlds) + 1, bias=False)
-        self.change, self.odds = mlp(2 * width + 6, width, 1), nn.Linear(6, 1, bias=False)
+        odds = 2 * len(CHANGES) * (1 + config.unsteady) + config.unsteady
+        self.change, self.odds = mlp(2 * width + odds, width, 1), nn.Linear(odds, 1, bias=False)
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
         self.unseen = Unseen(len(config.worlds)) if config.unseen else None  # learned afterwards, see there
@@ -270,6 +272,9 @@ class MechanismNet(nn.Module):
             odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
             told = torch.cat([odds, rivals], -1) / SHARP
+            if self.config.unsteady:  # before such a camera much looks like a change that is none
+                unsteady = graph["board"].unsteady[of_board][:, None, None]
+                told = torch.cat([told * (1 - unsteady), told * unsteady, unsteady.expand(-1, told.shape[1], 1)], -1)
             change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
             anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., EVIDENCE]
             anew = self._shares(anew, node, owner)

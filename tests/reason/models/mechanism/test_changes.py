@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from busybot.reason.models.mechanism.changes import NOTHING, _Counted, changes_of
+from busybot.reason.models.mechanism.changes import NOTHING, _Counted, _likeliest, changes_of
 from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
 from busybot.reason.models.mechanism.evidence import SCALE, evidence_of
 
@@ -76,3 +76,8 @@ def test_since_the_new_board_it_is_what_the_evidence_says() -> None:
         logs = _Counted(found, 31).explained(torch.from_numpy(shown[:, number]))[..., 0].cumsum(1)
         right = torch.where(torch.from_numpy(found.own)[:, None], told[number, ..., 2], told[number, ..., 0])
         assert torch.allclose(logs, right, atol=1e-4)
+
+
+def test_a_change_lies_where_it_is_likely_at_several_moments_side_by_side() -> None:
+    assert _likeliest(torch.tensor([0.0, 0.35, 0.0, 0.0, 0.2, 0.25, 0.2, 0.0])) == 5
+    assert _likeliest(torch.tensor([0.6, 0.1, 0.1, 0.1, 0.1])) in (0, 1), "the first moment has a neighbour, too"

@@ -90,8 +90,8 @@ def odds_of(forms: Tensor, known: Tensor, rises: Tensor) -> Tensor:
         known: (N, FORM) or (L, N, FORM).
         rises: float (N,) or (L, N), 1 or -1; 0 for what does not count.
     """
-    scales = torch.tensor(SCALES, dtype=forms.dtype)
-    back = torch.where(torch.arange(FORM) < 3, -1.0, 1.0)
+    scales, back = forms.new_tensor(SCALES), forms.new_ones(FORM)
+    back[:3] = -1
     asked, told = torch.nan_to_num(forms)[:, None] * scales, known * scales
     near = [torch.exp(-((asked - other) ** 2).sum(-1) / (2 * NEAR**2)) * rises.abs() for other in (told, told * back)]
     higher = (near[0] * (rises > 0) + near[1] * (rises < 0)).sum(-1) + OPEN / 2
@@ -155,7 +155,7 @@ def explained(rising: Tensor, read: Tensor, source: Tensor, ways: Tensor, alike:
         alike: (X, K), as of `alike_of`.
     """
     odds = rising[read]
-    both = torch.ones(len(alike)).scatter_reduce(0, source, torch.tanh(odds / 2), "prod")[:, None]
+    both = odds.new_ones(len(alike)).scatter_reduce(0, source, torch.tanh(odds / 2), "prod")[:, None]
     gates = torch.log1p(both * torch.tanh(alike / 2))  # 2 (q s + (1 - q) (1 - s)), q and s as differences
     pressed = torch.where(ways == 0, 0.0, logsigmoid(ways * odds) + np.log(2))
-    return gates + torch.zeros(len(alike)).scatter_add(0, source, pressed)[:, None]
+    return gates + odds.new_zeros(len(alike)).scatter_add(0, source, pressed)[:, None]

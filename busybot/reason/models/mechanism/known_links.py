@@ -22,6 +22,7 @@ class KnownLinks:
         rises: int (N,), 1 or -1.
         boards: int (N,), `id` of the labelled links of each one's board.
         objects: names of their objects, str (N,).
+        rng: draws what is heard.
         told: of links of boards as known ones, and as if they were new, log odds of what is true.
     """
 

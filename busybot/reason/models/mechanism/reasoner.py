@@ -317,17 +317,18 @@ class MechanismReasoner:
         return seen.once((self, "at the end"), lambda: self._studied(seen, study_of(seen, self.encoder).at_the_end))
 
     def _studied(self, seen: BoardSequence, graph: HeteroData) -> tuple[np.ndarray, np.ndarray | None]:
+        return self._weighed(graph, self._told_of(seen))
+
+    def _told_of(self, seen: BoardSequence) -> Told:
+        """What a recording tells beside its trace, looked up once."""
         links = study_of(seen, self.encoder).perceived.links
-        return self._weighed(graph, self._told(seen.world, forms_of(links), links.steadied))
+        return seen.once((self, "told"), lambda: self._told(seen.world, forms_of(links), links.steadied))
 
     def _told(self, world: str, forms: np.ndarray, unsteady: bool) -> Told:
-        return Told(world_number(self._net.config, world), self._rising(forms), unsteady)
-
-    def _rising(self, forms: np.ndarray) -> np.ndarray:
-        """Log odds that links of these forms (L, FORM) are numbered as they rise."""
-        if self._net.rising is None:
-            return np.zeros(len(forms))
-        return np.asarray(self._net.rising(torch.from_numpy(forms)).double().numpy())
+        """Of links of these forms, float32 (L, FORM)."""
+        known = self._net.rising
+        rising = np.zeros(len(forms)) if known is None else known(torch.from_numpy(forms)).double().numpy()
+        return Told(world_number(self._net.config, world), rising, unsteady)
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
@@ -342,7 +343,8 @@ class MechanismReasoner:
             if since.any():
                 each, _ = self._after_each(seen)
                 early = np.where(since[:, None] > 0, each[np.arange(len(since)), :, since - 1], shares)
-            rising = self._rising(forms_of(study.perceived.links))
+            rising = self._told_of(seen).rising
+            assert rising is not None
             return _Understood(study.perceived, study.found, shares, since, early, rising)
 
         return seen.once((self, "understood"), understood)

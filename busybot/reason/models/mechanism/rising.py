@@ -105,7 +105,7 @@ def alike_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Tensor:
     of these the one that differs from the other three has both in states of one number, if one does. Float32 (R, H, K);
     0 for all others."""
     links, responders = trace.links.shape[1], torch.from_numpy(np.ascontiguousarray(trace.responders.T))
-    two = np.array(trace.sizes) == 2  # noqa: PLR2004
+    two = np.array(trace.sizes) == 2
     gates = np.isin(found.memory, _TABLED) & (found.inputs.sum(1) == 2) & ((found.inputs[:, :links] & two).sum(1) == 2)
     told = torch.zeros(len(responders), len(gates), len(after))
     rests, fails = torch.from_numpy(RESTED)[responders], torch.from_numpy(attempts(responders.numpy()))  # (R, M, S)

@@ -33,9 +33,9 @@ from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import MEMORIES
 from busybot.reason.models.mechanism.evidence import EITHER, LEFT, SCALE
-from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
-from busybot.reason.models.mechanism.learner import MechanismLearner
 from busybot.reason.models.mechanism.perception import Perceived, perceive
+from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards, labelled
+from busybot.reason.models.mechanism.training.learner import MechanismLearner
 from busybot.reason.pyg import HeteroData
 from busybot.training.loop import fit
 from busybot.training.run_folder import begin_folder

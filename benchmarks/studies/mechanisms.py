@@ -28,9 +28,9 @@ from busybot.reason.evaluation.hypotheses import Space
 from busybot.reason.evaluation.upper_bound import Observer
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet, parents_of, world_number
+from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards
+from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner
 from busybot.reason.pyg import Batch, HeteroData
 from busybot.training.loop import fit
 from busybot.training.run_folder import begin_folder

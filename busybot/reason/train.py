@@ -124,7 +124,7 @@ def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoard
 
         return PaperLearner(config, boards, held_out, seed)
     if isinstance(config, MechanismConfig):
-        from busybot.reason.models.mechanism.learner import learner_of
+        from busybot.reason.models.mechanism.training.learner import learner_of
 
         with told("boards looked at") as progress:
             return learner_of(config, boards, held_out, seed, progress)

@@ -74,7 +74,7 @@ class MechanismConfig(FrozenModel):
         clip: greatest norm of a gradient.
         rough: weight of the loss before messages were passed.
         changes: weight of the loss of what is said of mechanisms that changed. Few boards are rewired, so that a small
-            weight leaves it to chance whether a training learns to see it (.3: one of two did, and 1: all that were tried).
+            weight leaves it to chance whether a training learns to see it.
         untold: share of the boards whose world is not told in training.
     """
 

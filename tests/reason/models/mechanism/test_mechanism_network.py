@@ -11,7 +11,6 @@ import torch
 
 from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
 from busybot.objects.resolve import find
-from busybot.reason.models.mechanism import learner
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     LUCK,
@@ -26,9 +25,10 @@ from busybot.reason.models.mechanism.contexts import (
     explanations_of,
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
-from busybot.reason.models.mechanism.labelled import LabelledTrace
-from busybot.reason.models.mechanism.learner import JUDGED_AFTER, MechanismLearner, Shelf
 from busybot.reason.models.mechanism.networks import MechanismNet, Told, explanation_graph, parents_of
+from busybot.reason.models.mechanism.training import learner
+from busybot.reason.models.mechanism.training.labelled import LabelledTrace
+from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 

@@ -32,12 +32,12 @@ from busybot.reason.models.mechanism.contexts import (
     explanations_of,
     goals,
 )
-from busybot.reason.models.mechanism.labelled import draw_boards, labelled
 from busybot.reason.models.mechanism.laws import Moment
-from busybot.reason.models.mechanism.learner import _looked_at
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _Understood
+from busybot.reason.models.mechanism.training.labelled import draw_boards, labelled
+from busybot.reason.models.mechanism.training.learner import _looked_at
 from busybot.reason.models.mechanism.unseen import Touched
 from tests.reason.worlds import SWITCHES, play, relation
 from tests.reason.worlds import sequence_of as symbolic_sequence

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.pictured import as_pictured, pictured
+from busybot.reason.models.mechanism.training.pictured import as_pictured, pictured
 
 LENGTH, LINKS, RESPONDERS = 41, 4, 3
 NOTHING: dict[str, float] = dict.fromkeys(Blur.model_fields, 0.0)

@@ -9,8 +9,6 @@ import torch
 from busybot.reason.inputs.trigger_links import ObservedLinks
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
-from busybot.reason.models.mechanism.known_links import KnownLinks
-from busybot.reason.models.mechanism.labelled import LabelledLinks, LabelledTrace, true_rises
 from busybot.reason.models.mechanism.networks import MechanismNet, Told, explanation_graph
 from busybot.reason.models.mechanism.rising import (
     FORM,
@@ -22,6 +20,8 @@ from busybot.reason.models.mechanism.rising import (
     odds_of,
     ways_of,
 )
+from busybot.reason.models.mechanism.training.known_links import KnownLinks
+from busybot.reason.models.mechanism.training.labelled import LabelledLinks, LabelledTrace, true_rises
 from busybot.reason.pyg import Batch
 from tests.reason.worlds import play, relation
 

@@ -13,10 +13,15 @@ from busybot.objects.resolve import find
 from busybot.reason.evaluation.causes import relations_at
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.labelled import LabelledTrace, LabelledTriggers, draw_boards, true_triggers
-from busybot.reason.models.mechanism.learner import MechanismLearner
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.mechanism.training.labelled import (
+    LabelledTrace,
+    LabelledTriggers,
+    draw_boards,
+    true_triggers,
+)
+from busybot.reason.models.mechanism.training.learner import MechanismLearner
 from busybot.reason.models.mechanism.unseen import FACTS, SEVERAL, Pairs, Touched, Unseen
 
 ACTIONS = 6

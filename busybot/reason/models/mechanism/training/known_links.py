@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from busybot.reason.models.mechanism.labelled import LabelledLinks, LabelledTrace
 from busybot.reason.models.mechanism.rising import FORM, KEPT, odds_of
+from busybot.reason.models.mechanism.training.labelled import LabelledLinks, LabelledTrace
 
 AS_NEW = 0.5
 """So large a share of the boards hears what others tell of its links as if nobody had seen its objects before."""

@@ -25,8 +25,8 @@ from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import Told, explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
-from busybot.reason.models.mechanism.pictured import STILL, pictured
 from busybot.reason.models.mechanism.rising import FORM, forms_of
+from busybot.reason.models.mechanism.training.pictured import STILL, pictured
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 

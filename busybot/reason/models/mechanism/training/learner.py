@@ -19,11 +19,11 @@ from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.models.mechanism.config import MechanismConfig
-from busybot.reason.models.mechanism.known_links import KnownLinks
-from busybot.reason.models.mechanism.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.mechanism.training.known_links import KnownLinks
+from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData, scatter
 from busybot.training.checkpoint import initialise

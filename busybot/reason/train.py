@@ -18,8 +18,10 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 
 from busybot.boards.spec import PAPER
+from busybot.common.errors import UsageError
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import IMPORTED
 from busybot.datasets.summary import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import features_of
@@ -101,19 +103,23 @@ LABELS = {"parents": "true parents, and which way round links are", "pictures": 
 
 
 def _suited(config: Config, datasets: list[Dataset]) -> Config:
-    """The same with what the `mechanism` network hears and says: worlds of the datasets; with labels changes, unseen
-    links, which way round links are, and whether the camera was still."""
+    """The same with what the `mechanism` network hears and says where nobody chose it: worlds of the datasets; with
+    labels all that these teach.
+
+    Raises:
+        UsageError: it is to hear or say what only labels teach, and there are to be none.
+    """
     if not isinstance(config, MechanismConfig):
         return config
-    told = {str(dataset.info.generator.config.get("world", PAPER)) for dataset in datasets}
+    generators = [dataset.info.generator for dataset in datasets if dataset.info.generator.version != IMPORTED]
+    told = {str(one.config.get("world", PAPER)) for one in generators}
     labels = config.labels == "parents"
-    heard = {
-        "worlds": config.net.worlds or tuple(sorted(told)),
-        "changes": labels,
-        "unseen": labels,
-        "rising": labels,
-        "unsteady": labels,
-    }
+    heard: dict[str, object] = {"worlds": config.net.worlds or tuple(sorted(told))}
+    for name in ("changes", "unseen", "rising", "unsteady"):
+        given = name in config.net.model_fields_set
+        heard[name] = getattr(config.net, name) if given else labels
+        if heard[name] and not labels:
+            raise UsageError(f"net.{name}=true: only labels teach that", "leave it out, or train with labels=parents")
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
 
 

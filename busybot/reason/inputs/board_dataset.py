@@ -18,6 +18,8 @@ from busybot.training.device import slices
 from busybot.training.loop import groups_apart
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from busybot.datasets.dataset import Dataset as Recordings
     from busybot.episodes.episode import Episode
     from busybot.reason.inputs.feature_store import Features
@@ -46,6 +48,11 @@ class RecordedBoards(Sequence[BoardSequence]):
         """The recording itself, with what is privileged; pictures are decoded when asked for."""
         dataset, episode = self.places[index]
         return self.features[dataset].episode(episode)
+
+    def file(self, index: int) -> "Path":
+        """Of the recording."""
+        dataset, episode = self.places[index]
+        return self.features[dataset].file(episode)
 
 
 def held_apart(

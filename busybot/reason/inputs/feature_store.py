@@ -88,7 +88,11 @@ class Features(Mapping[int, np.ndarray]):
 
     def episode(self, episode: int) -> Episode:
         """The recording, whose pictures are decoded when asked for."""
-        return read_episode(self._dataset.episode_path(episode), "lazy")
+        return read_episode(self.file(episode), "lazy")
+
+    def file(self, episode: int) -> Path:
+        """Of the recording."""
+        return self._dataset.episode_path(episode)
 
 
 def features_of(

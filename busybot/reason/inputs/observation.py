@@ -12,6 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.boards.spec import BoardSpec
+from busybot.datasets.info import IMPORTED
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.episode import Camera, Episode, Image, Step
 
@@ -143,8 +145,14 @@ def observe_episode(episode: Episode, again: bool = False) -> ObservedEpisode:
         ),
         images=images,
         image_of=tuple(episode.frame_of),
-        world=episode.board.world,
+        world=world_of(episode.board),
     )
+
+
+def world_of(board: BoardSpec) -> str:
+    """In which world a board was drawn, as whoever acts on it is told; "" of what was imported, which nobody drew."""
+    drawn = board.relations_known and board.split != IMPORTED
+    return board.world if drawn else ""
 
 
 def goal_of(episode: Episode) -> Frame | None:

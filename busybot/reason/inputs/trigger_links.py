@@ -266,11 +266,11 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, 
     shown = np.array([np.median(seen[start:end], axis=0) for start, end in pairwise(ends)])
     alike = _states(seen, "euclidean")
     first = np.array([np.bincount(alike[start:end]).argmax() for start, end in pairwise(ends)])
-    starts = _numbered(first), np.arange(len(shown)) % 2
+    starts = numbered(first), np.arange(len(shown)) % 2
     _, found = min((tracked(shown, start) for start in starts), key=itemgetter(0))
     if len(group) == 1 and not lasts(shown, found, float(np.linalg.norm(changes @ used.T))):
         found = np.zeros_like(found)
-    states = _numbered(np.repeat(found, np.diff(ends)))
+    states = numbered(np.repeat(found, np.diff(ends)))
     return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group), own)
 
 
@@ -282,7 +282,7 @@ def _states(looks: np.ndarray, distance: str = "cityblock") -> np.ndarray:
     labels = fcluster(tree, ALIKE * tree[:, 2].max(), "distance")
     if len(set(labels)) > STATES:
         labels = fcluster(tree, STATES, "maxclust")
-    return _numbered(labels)
+    return numbered(labels)
 
 
 def _outline(own: np.ndarray) -> np.ndarray:
@@ -313,7 +313,7 @@ def _whole(links: list[_Link], places: np.ndarray) -> list[_Link]:
         if two and len(set(both.tolist())) == STATES:
             shared = (one.changed & other.changed).sum() / min(one.changed.sum(), other.changed.sum())
             steps = np.union1d(one.steps, other.steps)
-            joined = _Link(steps, _numbered(both), one.changed | other.changed, one.own | other.own)
+            joined = _Link(steps, numbered(both), one.changed | other.changed, one.own | other.own)
             if shared > WHOLE or (shared > SHARED and not _apart(joined, places)):
                 return _whole([*(each for each in links if each is not one and each is not other), joined], places)
     return links
@@ -326,7 +326,7 @@ def _apart(link: _Link, places: np.ndarray) -> bool:
     return all(map(len, ways)) and bool(np.linalg.norm(ways[0].mean(0) - ways[1].mean(0)) > ONE_PLACE)
 
 
-def _numbered(labels: np.ndarray) -> np.ndarray:
+def numbered(labels: np.ndarray) -> np.ndarray:
     """Labels as numbers in the order in which they appear; of three, the one next to most others is in the middle."""
     order = list(dict.fromkeys(labels.tolist()))
     if len(order) == STATES:

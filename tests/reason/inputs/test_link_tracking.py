@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from busybot.reason.inputs.link_tracking import lasts, tracked
-from busybot.reason.inputs.trigger_links import _numbered
+from busybot.reason.inputs.trigger_links import numbered
 
 
 @pytest.mark.parametrize("looks", [[0, 1, 0.1, 0.55, 0, 1], [0, 1, 0, 1, 0, 0.5], [0, 1, 0, 5, 0, 1]])
@@ -16,7 +16,7 @@ def test_a_move_that_pictures_hardly_show_is_told_by_the_others(looks: list[floa
 
 def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it() -> None:
     shown = np.array([0, 1, 1, 0, 1, 1, 0, 0, 0])[:, None] + 0.02 * np.arange(9)[:, None] % 0.05
-    states = _numbered((shown[:, 0] > 0.5).astype(int))
+    states = numbered((shown[:, 0] > 0.5).astype(int))
     two, found = tracked(shown, states)
     assert found.tolist() == states.tolist() and two < tracked(shown, np.arange(9) % 2)[0]
     assert two < tracked(shown, np.where(np.arange(9) == 4, 2, states))[0]

@@ -14,10 +14,11 @@ class MechanismNetConfig(FrozenModel):
     Attributes:
         width: of hidden layers.
         worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
-        changes: whether it says which mechanisms changed; training without labels does not teach that.
-        rising: whether it hears which way round links are, as far as their looks tell; labels teach that, too.
-        unsteady: whether it hears that the camera was not still; drawn boards teach that.
-        unseen: whether it says how probable it is that links decide a responder that nobody saw moving; the same holds.
+        changes: whether it says which mechanisms changed. This and the next three are what labels teach: training with
+            labels chooses them, training without does without, unless they are given.
+        unseen: whether it says how probable it is that links decide a responder that nobody saw moving.
+        rising: whether it hears which way round links are, as far as their looks tell.
+        unsteady: whether it hears that the camera was not still.
     """
 
     width: Annotated[int, Field(ge=4, le=512)] = 32
@@ -68,7 +69,8 @@ class MechanismConfig(FrozenModel):
         blur: what is told wrongly of these, as pictures do; of each by a share of its own.
         iterations: at most so many.
         batch: boards per iteration.
-        moments: numbers of actions after which each board is judged in one iteration; drawn, small ones more often.
+        moments: numbers of actions after which each board is judged in one iteration, of six; drawn, small ones more
+            often.
         learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero.
         weight_decay: of AdamW.
         clip: greatest norm of a gradient.
@@ -86,7 +88,7 @@ class MechanismConfig(FrozenModel):
     blur: Blur = Blur()
     iterations: Annotated[int, Field(ge=0)] = 5000
     batch: Annotated[int, Field(ge=1)] = 8
-    moments: Annotated[int, Field(ge=1)] = 3
+    moments: Annotated[int, Field(ge=1, le=6)] = 3
     learning_rate: PositiveFloat = 3e-3
     warm_up: Annotated[int, Field(ge=1)] = 20
     weight_decay: NonNegativeFloat = 1e-3

@@ -178,7 +178,7 @@ def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[n
 def explanations_of(trace: Trace) -> Explanations:
     """All explanations of a board, with their contexts."""
     known = layout(trace.links.shape[1], trace.responders.shape[1])
-    sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])
+    sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)], int)
     met = np.where(known.inputs, sizes, 1).prod(1)
     met = np.where(np.isin(known.memory, _OF_PRESSES), 2, met)
     met = np.where(np.isin(known.memory, SINCE), LONGEST + 1, met)

@@ -82,8 +82,7 @@ def certainty(found: Explanations, shares: np.ndarray) -> float:
         shares: float (R, H), the probability of each explanation.
     """
     _, which = np.unique(found.inputs, axis=0, return_inverse=True)
-    of_sets = np.array([np.bincount(which.ravel(), own) for own in shares])
-    return float(of_sets.max(1).prod())
+    return float(np.prod([np.bincount(which.ravel(), own).max() for own in shares]))
 
 
 def _foretold(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -117,7 +117,8 @@ class Earlier:
         of_free, of_bound = (each.index_select(1, rows) for rows in self._rows)
         # what is free is equal for all responders, whose numbers stand side by side
         side_by_side = of_free.permute(1, 2, 0, 3).reshape(*free.shape[:2], -1)
-        summed = torch.bmm(free, side_by_side).view(*free.shape[:2], len(numbers), -1).permute(2, 0, 1, 3)
+        shape = *free.shape[:2], len(numbers), numbers.shape[-1]
+        summed = torch.bmm(free, side_by_side).view(shape).permute(2, 0, 1, 3)
         told = numbers.new_empty(each.shape)
         told.index_copy_(1, self._rows[0], summed)
         return told.index_copy_(1, self._rows[1], bound @ of_bound)

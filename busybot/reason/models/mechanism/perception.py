@@ -154,10 +154,10 @@ def perceive(seen: BoardSequence, encoder: str) -> Perceived:
 def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
     links, responders = seen.links, np.flatnonzero(seen.responders)
     unlike, share = threshold_of(encoder, seen.features), 0.0
-    if links.steadied:
+    if links.steadied and len(responders) and seen.steps:
         steps = np.linalg.norm(np.diff(seen.features[:, responders], axis=0), axis=-1)
         unlike, share = max(unlike, APART * float(np.median(np.quantile(steps, STILL, axis=0)))), SHARE
-    shown = clusters_of(seen.features, unlike, share)[:, responders].clip(0, STATES - 1)
+    shown = clusters_of(seen.features, unlike, share)[:, responders].clip(0, STATES - 1).astype(int)
     looks = tuple(
         np.stack([seen.features[states == state, index].mean(0) for state in range(int(states.max()) + 1)])
         for index, states in zip(responders, shown.T, strict=True)
@@ -219,6 +219,6 @@ def _joined(
         owners=np.append(links.owners, trigger),
         places=np.vstack([links.places, actions[steps, :2].mean(0)]),
         directions=(*links.directions, directions_of(actions[:, 3:], states, steps)),
-        pixels=(*links.pixels, np.zeros((0, 2), int)),
+        pixels=(*links.pixels, np.zeros((0, 2), int)) if links.camera else (),
         outlines=None if links.outlines is None else np.vstack([links.outlines, np.full(6, np.nan)]),
     )

@@ -42,7 +42,7 @@ from busybot.reason.models.mechanism.networks import (
 )
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.present import RARE, REST, Past
-from busybot.reason.models.mechanism.rising import FORM, forms_of
+from busybot.reason.models.mechanism.rising import forms_of
 from busybot.reason.models.mechanism.study import study_of
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData
@@ -317,18 +317,17 @@ class MechanismReasoner:
         return seen.once((self, "at the end"), lambda: self._studied(seen, study_of(seen, self.encoder).at_the_end))
 
     def _studied(self, seen: BoardSequence, graph: HeteroData) -> tuple[np.ndarray, np.ndarray | None]:
-        return self._weighed(graph, self._told_of(seen))
+        return self._weighed(graph, self._told_of(seen), len(study_of(seen, self.encoder).found.inputs))
 
     def _told_of(self, seen: BoardSequence) -> Told:
         """What a recording tells beside its trace, looked up once."""
-        links = study_of(seen, self.encoder).perceived.links
-        return seen.once((self, "told"), lambda: self._told(seen.world, forms_of(links), links.steadied))
+        return seen.once((self, "told"), lambda: self._told(seen))
 
-    def _told(self, world: str, forms: np.ndarray, unsteady: bool) -> Told:
-        """Of links of these forms, float32 (L, FORM)."""
-        known = self._net.rising
+    def _told(self, seen: BoardSequence) -> Told:
+        links, known = study_of(seen, self.encoder).perceived.links, self._net.rising
+        forms = forms_of(links)
         rising = np.zeros(len(forms)) if known is None else known(torch.from_numpy(forms)).double().numpy()
-        return Told(world_number(self._net.config, world), rising, unsteady)
+        return Told(world_number(self._net.config, seen.world), rising, links.steadied)
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
@@ -354,34 +353,38 @@ class MechanismReasoner:
         trace: Trace,
         after: Sequence[int],
         world: str = "",
-        forms: np.ndarray | None = None,
+        rising: np.ndarray | None = None,
         unsteady: bool = False,
     ) -> tuple[Explanations, np.ndarray, np.ndarray | None]:
         """What explains a trace after so many actions each.
 
         Args:
             world: that is told.
-            forms: of the links, as of `forms_of`; without them nobody knows which way round they are.
+            rising: float (L,), log odds that the links' states are numbered as they rise; None if nobody knows.
             unsteady: whether the camera was not still.
 
         Returns:
             The explanations; how probable each is, float (R, H, K); and how probable it is that another mechanism than
             at first decides each responder, float (R, K), None if the network does not say so.
         """
-        links = np.full((trace.links.shape[1], FORM), np.nan, np.float32) if forms is None else forms
-        told = self._told(world, links, unsteady)
-        return explanations_of(trace), *self._weighed(explanation_graph(trace, after), told)
+        told = Told(world_number(self._net.config, world), rising, unsteady)
+        found = explanations_of(trace)
+        return found, *self._weighed(explanation_graph(trace, after), told, len(found.inputs))
 
     @torch.no_grad()
-    def _weighed(self, graph: HeteroData, what: Told) -> tuple[np.ndarray, np.ndarray | None]:
-        """See `explain`."""
+    def _weighed(self, graph: HeteroData, what: Told, explanations: int) -> tuple[np.ndarray, np.ndarray | None]:
+        """See `explain`.
+
+        Args:
+            explanations: H.
+        """
         told = copy(graph)
         what.to(told)
         moments = torch.arange(graph["explanation"].evidence.shape[1]).split(AT_ONCE)
         parts = [self._net(Batch.from_data_list([moments_of(told, few)])) for few in moments]
         logs, _, odds = zip(*parts, strict=True)
         final, change = torch.cat(logs, 1), None if odds[0] is None else torch.cat(odds, 1)
-        shares = final.exp().view(graph["responder"].num_nodes, -1, final.shape[1]).double().numpy()
+        shares = final.exp().view(graph["responder"].num_nodes, explanations, final.shape[1]).double().numpy()
         return shares, None if change is None else change.sigmoid().double().numpy()
 
     def _in_words(self, known: _Understood, objects: int) -> tuple[str, ...]:

@@ -87,8 +87,8 @@ def odds_of(forms: Tensor, known: Tensor, rises: Tensor) -> Tensor:
     """See `Rising`; a link that was pushed the other way is another one the other way round.
 
     Args:
-        known: (N, FORM) or (L, N, FORM).
-        rises: float (N,) or (L, N), 1 or -1; 0 for what does not count.
+        known: (N, FORM).
+        rises: float (N,), 1 or -1; 0 for what does not count.
     """
     scales, back = forms.new_tensor(SCALES), forms.new_ones(FORM)
     back[:3] = -1

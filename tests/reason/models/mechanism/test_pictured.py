@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from busybot.reason.inputs.trigger_links import numbered
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.training.pictured import as_pictured, pictured
+from busybot.reason.models.mechanism.training.pictured import pictured
 
 LENGTH, LINKS, RESPONDERS = 41, 4, 3
 NOTHING: dict[str, float] = dict.fromkeys(Blur.model_fields, 0.0)
@@ -15,7 +16,9 @@ def told(seed: int = 0, **shares: float) -> tuple[Trace, Trace, np.ndarray, np.n
     """A true trace and the told one, true parents and those among what is told."""
     rng = np.random.default_rng(seed)
     links = np.cumsum(np.arange(LINKS) == rng.integers(LINKS, size=LENGTH)[:, None], axis=0) % 2
-    true = as_pictured(Trace(links, rng.integers(2, size=(LENGTH, RESPONDERS)), (2,) * LINKS))
+    links = np.array([numbered(column) for column in links.T]).T
+    responders = np.array([numbered(column) for column in rng.integers(2, size=(RESPONDERS, LENGTH))]).T
+    true = Trace(links, responders, (2,) * LINKS)
     parents = np.zeros((LENGTH - 1, LINKS + RESPONDERS, RESPONDERS), bool)
     parents[:, [0, 1, 3], [0, 1, 2]] = True
     seen, kept, _ = pictured(true, parents, Blur(**(NOTHING | shares)), 1.0, rng)
@@ -32,9 +35,31 @@ def test_nothing_is_told_wrongly_where_nothing_is_seen_badly() -> None:
     np.testing.assert_array_equal(seen.responders, true.responders)
     np.testing.assert_array_equal(kept, parents)
     assert seen.sizes == true.sizes
-    again = as_pictured(seen)
-    np.testing.assert_array_equal(again.links, seen.links)
-    np.testing.assert_array_equal(again.responders, seen.responders)
+
+
+@pytest.mark.parametrize(
+    ("states", "told", "way"),
+    [
+        ([1, 1, 2, 2, 1, 0, 1], [1, 1, 0, 0, 1, 2, 1], -1),  # it began in the middle, and rose first
+        ([1, 0, 1, 2, 1, 1, 1], [1, 0, 1, 2, 1, 1, 1], 1),
+        ([1, 1, 2, 2, 1, 1, 1], [0, 0, 1, 1, 0, 0, 0], 1),  # its lowest state was never seen
+        ([1, 1, 0, 0, 1, 1, 1], [0, 0, 1, 1, 0, 0, 0], -1),
+        ([2, 1, 0, 1, 2, 1, 0], [0, 1, 2, 1, 0, 1, 2], -1),
+    ],
+)
+def test_links_of_three_states_are_numbered_as_pictures_number_them(
+    states: list[int], told: list[int], way: int
+) -> None:
+    true = Trace(np.array(states)[:, None], np.zeros((7, 1), int), (3,))
+    seen, _, rises = pictured(true, np.ones((6, 2, 1), bool), Blur(), 0.0, np.random.default_rng(0))
+    assert (seen.links[:, 0].tolist(), seen.sizes, rises.tolist()) == (told, (max(told) + 1,), [way])
+
+
+def test_what_seems_never_to_move_is_no_link() -> None:
+    for seed in range(30):
+        _, seen, _, kept = told(seed, missed=0.95, phantoms=1)
+        assert (seen.links != seen.links[0]).any(0).all()
+        assert kept.shape[1] == seen.links.shape[1] + RESPONDERS
 
 
 def test_links_that_never_moved_are_not_told_nor_states_that_nobody_saw() -> None:

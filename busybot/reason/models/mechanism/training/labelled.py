@@ -20,13 +20,14 @@ from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
+from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
 from busybot.reason.models.mechanism.networks import Told, explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.rising import FORM, forms_of
-from busybot.reason.models.mechanism.training.pictured import STILL, pictured
+from busybot.reason.models.mechanism.training.pictured import STILL, pictured, way_round
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 
@@ -40,10 +41,13 @@ class LabelledTriggers:
 
     Attributes:
         deciding: bool (O, R), which of these triggers decide which responders after the last of them, by whatever link.
+        rising: float (L,), log odds that the states of links that these actions moved are numbered as they rise, as
+            their looks tell; None if they do not.
     """
 
     touched: Touched
     deciding: np.ndarray
+    rising: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class LabelledTrace:
     """A board's trace and what was true.
 
     Attributes:
-        world: in which the board was drawn.
+        world: in which the board was drawn; "" where nobody says.
         parents: bool (T, I, R), the inputs that decided each responder after each action; None if nobody says.
         changed: bool (T, R), whether another mechanism than at first did; None if nobody says.
         triggers: what a recording told of its triggers after some numbers of actions; none for drawn boards.
@@ -133,7 +137,7 @@ def labelled(episode: Episode, seen: Perceived, touched: Sequence[Touched] = ())
     told = LabelledLinks(
         true_rises(episode, seen.trace, links), forms_of(seen.links), tuple(board.objects[one].key for one, _ in links)
     )
-    return LabelledTrace(seen.trace, board.world, *true, tuple(triggers), told, unsteady=seen.links.steadied)
+    return LabelledTrace(seen.trace, world_of(board), *true, tuple(triggers), told, unsteady=seen.links.steadied)
 
 
 def true_rises(episode: Episode, trace: Trace, links: Sequence[Named]) -> np.ndarray:
@@ -147,8 +151,7 @@ def true_rises(episode: Episode, trace: Trace, links: Sequence[Named]) -> np.nda
     for number, link in enumerate(links):
         moved = (true[1:] != true[:-1])[[one == link for one in held]].sum(0)
         if moved.any():
-            own, said = true[:, moved.argmax()], trace.links[:, number]
-            found[number] = np.sign(((own - own.mean()) * (said - said.mean())).sum())
+            found[number] = way_round(true[:, moved.argmax()], trace.links[:, number])
     return found
 
 
@@ -209,7 +212,7 @@ def draw_boards(
 def _moved_at_random(
     board: BoardSpec, links: Links, actions: int, rng: np.random.Generator
 ) -> tuple[list[Triggers], list[DynamicState]]:
-    """States of the links, and of the board, at first and after each of the actions; some fail."""
+    """States of the links, and of the board, at first and after each of the actions, T + 1 of each; some fail."""
     law = Dynamics(board, links)
     rows = [tuple(state for placed in board.objects for state in placed.states)]
     states = [law.start(rows[0])]

@@ -14,10 +14,12 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
 
 from busybot.common.atomic_io import memory_on_disk
+from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
+from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
@@ -58,9 +60,12 @@ def loss_of(net: MechanismNet, graph: HeteroData, rough: float, changes: float) 
         return _surprise(final + node.later, owner).mean() + rough * _surprise(first + node.later, owner).mean()
     known = scatter(node.right.float(), owner, reduce="max") > 0
     right = torch.where(node.right, 0.0, IMPOSSIBLE)
-    said, early = (_surprise(told + right, owner)[known].clamp(max=MOST).mean() for told in (final, first))
-    changed = binary_cross_entropy_with_logits(change, graph["responder"].changed.float())
-    return said + rough * early + changes * changed
+    surprises = (_surprise(told + right, owner)[known].clamp(max=MOST) for told in (final, first))
+    said, early = (each.sum() / max(1, len(each)) for each in surprises)
+    loss = said + rough * early
+    if change is None:
+        return loss
+    return loss + changes * binary_cross_entropy_with_logits(change, graph["responder"].changed.float())
 
 
 def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
@@ -138,10 +143,9 @@ class MechanismLearner(Learner):
             world = board.world if rng.random() >= self.config.untold else ""
             for part in board.triggers:
                 end = [len(part.touched.acted)]
-                found, shares, _ = reasoner.explain(
-                    part.touched.trace, end, world, part.touched.forms, part.touched.unsteady
-                )
-                pairs = part.touched.pairs(end, shares, found.inputs)
+                touched = part.touched
+                found, shares, _ = reasoner.explain(touched.trace, end, world, part.rising, touched.unsteady)
+                pairs = touched.pairs(end, shares, found.inputs)
                 known.append((pairs, world_number(self.config.net, world)))
                 true.append(part.deciding[None])
         if known:
@@ -192,7 +196,7 @@ def learner_of(
     Args:
         progress: is told of each recorded board that was looked at.
     """
-    worlds = sorted({boards.episode(number).board.world for number in range(len(boards))})
+    worlds = sorted({world_of(boards.episode(number).board) for number in range(len(boards))} - {""})
     library, total = find("procedural"), len(boards) + len(held_out)
     told = progress or (lambda done, of: None)
     traces = list(_looked_at(boards, config, config.net.unseen, lambda done: told(done, total)))
@@ -202,8 +206,12 @@ def learner_of(
         traces += [trace for _, trace in drawn]
     if not config.net.rising:
         return MechanismLearner(config, traces, judged, seed)
-    links = KnownLinks.of(traces, generator(seed, "train", 0, "reason/mechanism/rising"))
-    traces, judged = ([links.heard(one) for one in each] for each in (traces, judged))
+    links = KnownLinks.of(traces, generator(seed, "train", 0, "reason/mechanism/known links"))
+    purposes = "reason/mechanism/rising", "reason/mechanism/rising, held out"
+    traces, judged = (
+        [links.heard(one, generator(seed, "train", number, purpose)) for number, one in enumerate(each)]
+        for each, purpose in zip((traces, judged), purposes, strict=True)
+    )
     learner = MechanismLearner(config, traces, judged, seed)
     assert learner.network.rising is not None
     learner.network.rising.learn(links.forms, links.rises)
@@ -213,17 +221,26 @@ def learner_of(
 def _looked_at(
     boards: RecordedBoards, config: MechanismConfig, parts: bool, progress: Callable[[int], None]
 ) -> Iterator[LabelledTrace]:
-    """What pictures show of recorded boards.
+    """What pictures show of recorded boards; one on which nobody acted teaches nothing.
 
     Args:
         parts: look at what their first actions alone show, too; there are labels for that.
+
+    Raises:
+        BusybotError: labels are wanted that nobody has.
     """
     for number in range(len(boards)):
         sequence, episode = boards[number], boards.episode(number)
+        if config.labels == "parents" and not episode.board.relations_known:
+            what = f"{boards.file(number)}: nobody knows what controls what on this board"
+            raise BusybotError(what, "train with --set labels=pictures, or on other datasets")
+        if not sequence.steps:
+            progress(number + 1)
+            continue
         seen = perceive(sequence, config.encoder)
         ended = [sequence.first(actions + 1) for actions in ENDED if parts and actions <= sequence.steps]
         if config.labels == "pictures":
-            yield LabelledTrace(seen.trace, episode.board.world)
+            yield LabelledTrace(seen.trace, sequence.world)
         else:
             yield labelled(episode, seen, [Touched.of(one, perceive(one, config.encoder)) for one in ended])
         progress(number + 1)

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from busybot.reason.inputs.trigger_links import numbered
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 
@@ -18,41 +19,41 @@ PHANTOM_MOVES = 2
 def pictured(
     trace: Trace, parents: np.ndarray, blur: Blur, badly: float, rng: np.random.Generator
 ) -> tuple[Trace, np.ndarray, np.ndarray]:
-    """A true trace as pictures tell it, without links that were not seen moving; the parents among what is left; and
-    whether the states of its links are numbered as they rise, int (L,): 1 or -1, 0 of what is no link.
+    """A true trace as pictures tell it, with states numbered as they number them and without links that were not seen
+    moving; the parents among what is left; and which way round its links are numbered, as of `way_round`.
 
     Args:
         parents: bool (T, I, R), as of `LabelledTrace`.
         blur: of a board that is seen as badly as can be.
         badly: how badly this one is seen, 0 to 1.
     """
-    responders = trace.responders
-    seen = (trace.links != trace.links[0]).any(0)
-    seen &= rng.random(len(seen)) >= badly * blur.hidden
     links = _mistaken(trace.links, trace.sizes, badly * blur.confused, rng)
-    links, sizes = _missed(links, badly * blur.missed, rng)[:, seen], np.array(trace.sizes)[seen]
-    kept = parents[:, np.concatenate([seen, np.ones(responders.shape[1], bool)])]
-    rises = np.where(turned(Trace(links, responders, tuple(sizes.tolist()))), -1, 1)
-    if rng.random() < badly * blur.phantoms:
-        moves = rng.random(len(links)) < PHANTOM_MOVES / len(links)
+    links = _missed(links, badly * blur.missed, rng)
+    seen = _moved(trace.links) & _moved(links)
+    seen &= rng.random(len(seen)) >= badly * blur.hidden
+    kept = parents[:, np.concatenate([seen, np.ones(trace.responders.shape[1], bool)])]
+    true, links = trace.links[:, seen], links[:, seen]
+    moves = rng.random(len(links)) < PHANTOM_MOVES / len(links)
+    if rng.random() < badly * blur.phantoms and moves[1:].any():
         kept = np.insert(kept, links.shape[1], False, axis=1)
-        links, sizes = np.hstack([links, np.cumsum(moves)[:, None] % 2]), np.append(sizes, 2)
-        rises = np.append(rises, 0)
-    shown = np.stack([_shown(column, badly, blur, rng) for column in responders.T], axis=1)
-    told = as_pictured(Trace(links, shown, tuple(sizes.tolist())))
-    return Trace(told.links, told.responders, tuple((told.links.max(0, initial=1) + 1).tolist())), kept, rises
+        links = np.hstack([links, np.cumsum(moves)[:, None] % 2])
+        true = np.hstack([true, np.zeros((len(true), 1), int)])
+    told = np.array([numbered(column) for column in links.T], int).reshape(-1, len(links)).T
+    shown = [_as_they_appear(_shown(column, badly, blur, rng)) for column in trace.responders.T]
+    sizes = tuple((told.max(0, initial=1) + 1).tolist())
+    return Trace(told, np.stack(shown, axis=1), sizes), kept, way_round(true, told)
 
 
-def as_pictured(trace: Trace) -> Trace:
-    """The same with states numbered as pictures number them: as they appear, but for the middle one of three links'."""
-    links = np.where(turned(trace), np.array(trace.sizes) - 1 - trace.links, trace.links)
-    responders = np.stack([_as_they_appear(column) for column in trace.responders.T], axis=1)
-    return Trace(links, responders, trace.sizes)
+def way_round(true: np.ndarray, told: np.ndarray) -> np.ndarray:
+    """Whether told states of links, int (T + 1, L), are numbered as they rise: int (L,), 1 if so, -1 if the other way
+    round, 0 where that is open or the true state was always the same."""
+    apart = [states - states.mean(axis=0) for states in (true, told)]
+    return np.sign((apart[0] * apart[1]).sum(axis=0)).astype(int)
 
 
-def turned(trace: Trace) -> np.ndarray:
-    """Which links' states pictures number from the highest one on, bool (L,)."""
-    return np.asarray(trace.links[0] > (np.array(trace.sizes) - 1) / 2)
+def _moved(links: np.ndarray) -> np.ndarray:
+    """bool (L,), of states (T + 1, L)."""
+    return np.asarray((links != links[0]).any(axis=0))
 
 
 def _as_they_appear(states: np.ndarray) -> np.ndarray:
@@ -61,7 +62,7 @@ def _as_they_appear(states: np.ndarray) -> np.ndarray:
 
 
 def _mistaken(true: np.ndarray, sizes: tuple[int, ...], share: float, rng: np.random.Generator) -> np.ndarray:
-    """States of the links, some of whose moves are taken for those of another one."""
+    """States of the links, int (T + 1, L), some of whose moves are taken for those of another one."""
     links = true.copy()
     for step in range(1, len(links)):
         links[step] = links[step - 1]
@@ -75,7 +76,7 @@ def _mistaken(true: np.ndarray, sizes: tuple[int, ...], share: float, rng: np.ra
 
 
 def _missed(true: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """States of the links, some of whose moves are seen at their next one only."""
+    """States of the links, int (T + 1, L), some of whose moves are seen at their next one only."""
     links = true.copy()
     for column in links.T:
         moves = np.flatnonzero(np.diff(column)) + 1
@@ -86,8 +87,8 @@ def _missed(true: np.ndarray, share: float, rng: np.random.Generator) -> np.ndar
 
 
 def _shown(true: np.ndarray, badly: float, blur: Blur, rng: np.random.Generator) -> np.ndarray:
-    """States that a responder seems to be in: always the same, or another one in single pictures, or what it was
-    before something hid it."""
+    """States that a responder seems to be in, int (T + 1,) of as many true ones: always the same, or another one in
+    single pictures, or what it was before something hid it."""
     if rng.random() < badly * blur.still:
         return np.full_like(true, true[0])
     flashes = rng.random(len(true)) < badly * blur.flashes

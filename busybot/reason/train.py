@@ -66,7 +66,7 @@ def train_reason(
         BusybotError: the folder holds another training, or a dataset cannot be trained on.
     """
     datasets = [Dataset.open(path) for path in data]
-    config = _suited(config, datasets)
+    config = suited(config, datasets)
     origin = [origin_of(dataset) for dataset in datasets]
     begin_folder(out, config, seed, data=origin)
     if (out / "model" / INFO_FILE).exists():
@@ -102,7 +102,7 @@ def train_reason(
 LABELS = {"parents": "true parents, and which way round links are", "pictures": "none"}
 
 
-def _suited(config: Config, datasets: list[Dataset]) -> Config:
+def suited(config: Config, datasets: list[Dataset]) -> Config:
     """The same with what the `mechanism` network hears and says where nobody chose it: worlds of the datasets; with
     labels all that these teach.
 

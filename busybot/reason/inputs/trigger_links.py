@@ -72,7 +72,7 @@ class ObservedLinks:
         steadied: whether the camera was not still.
         pushed: float32 (T, 3), the direction that each action tried last, if anything changed; else the proposed one.
         pixels: L int arrays (n, 2), (u, v) of the pixels that tell how each link stands.
-        camera: that sees them. All three are known of a still camera alone.
+        camera: that sees them. `pushed`, `pixels` and this are known of a still camera alone.
         outlines: float (L, 6), width and height of the owner's box, and of the pixels that tell how the link stands,
             and how far right and down of the box's centre theirs is, in widths of the picture; None if nobody knows.
     """

@@ -10,12 +10,16 @@ from safetensors.torch import load_file
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
+from busybot.common.errors import UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.inputs.board_dataset import held_apart
 from busybot.reason.inputs.feature_store import features_of
-from busybot.reason.models.registry import load_reasoner
+from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
+from busybot.reason.models.registry import ReasonerInfo, load_reasoner
+from busybot.reason.train import suited
+from busybot.training.model_cards import read_info
 from tests.cli.killing import kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.reason.inputs.test_observation import garbled
@@ -121,7 +125,10 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, data: 
 
 
 def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path, data: Path) -> None:
-    out, small = tmp_path / "run", ("iterations=4", "batch=2", "drawn=2", "net.width=8", "loop.judge=2")
+    out, small = (
+        tmp_path / "run",
+        ("iterations=4", "batch=2", "drawn=2", "net.width=8", "loop.judge=2", "net.unsteady=false"),
+    )
     settings = [word for setting in small for word in ("--set", setting)]
     command = ["train", "reason", "--variant", "mechanism", "--out", str(out), "--data", str(data), *settings]
     result = run(*command, "--workers", "1", "--json")
@@ -135,3 +142,13 @@ def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path
     assert json.loads(judged.stdout)["model"] == "mechanism"
     listed = run("models", "info", str(out))
     assert listed.exit_code == 0 and "mechanism" in listed.stdout
+    net = MechanismConfig.model_validate(read_info(out / "model", ReasonerInfo).config).net
+    assert (net.unsteady, net.rising, net.unseen, net.changes, net.worlds) == (False, True, True, True, ("paper",))
+
+
+def test_without_labels_nothing_is_wanted_that_they_teach(data: Path) -> None:
+    plain = suited(MechanismConfig(labels="pictures"), [Dataset.open(data)]).net
+    assert not (plain.changes or plain.unseen or plain.rising or plain.unsteady)
+    wanting = MechanismConfig(labels="pictures", net=MechanismNetConfig(rising=True))
+    with pytest.raises(UsageError, match=r"net.rising=true: only labels teach that"):
+        suited(wanting, [Dataset.open(data)])

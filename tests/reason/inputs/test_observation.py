@@ -107,6 +107,21 @@ def test_garbling_the_truth_changes_nothing_that_a_reasoner_sees() -> None:
     np.testing.assert_array_equal(infer(episode).probabilities, infer(wrong).probabilities)
 
 
+@pytest.mark.parametrize(
+    ("about", "world"),
+    [
+        ({}, "gates"),
+        ({"split": "novel-object"}, "gates"),
+        ({"split": "imported"}, ""),
+        ({"relations_known": False}, ""),
+    ],
+)
+def test_of_boards_that_nobody_drew_no_world_is_told(about: dict[str, object], world: str) -> None:
+    episode = make_episode(steps=1)
+    board = episode.board.model_copy(update={"world": "gates", **about})
+    assert observe_episode(replace(episode, board=board)).world == world
+
+
 def test_the_direction_that_was_tried_last_is_seen_where_the_picture_changed() -> None:
     episode = make_episode(steps=12)
     tried = replace(episode, steps=[replace(step, direction=0, executed=(0, 5)) for step in episode.steps])

@@ -29,8 +29,10 @@ from busybot.reason.models.mechanism.contexts import (
 
 EVIDENCE = 15
 """Numbers that are counted of an explanation, see `Evidence`."""
-EITHER, LEFT, SCALE = 2, 14, 5.0
-"""Two of its columns, and a unit."""
+EITHER, LEFT = 2, 14
+"""Two of its columns."""
+SCALE = 5.0
+"""Log probabilities are told in units of it."""
 WITNESSES = 2
 """Numbers that are counted of an input of an explanation."""
 LARGEST = 80.0
@@ -124,7 +126,7 @@ class Earlier:
         return told.index_copy_(1, self._rows[1], bound @ of_bound)
 
 
-def ways_of(shown: Tensor) -> Tensor:
+def known_states(shown: Tensor) -> Tensor:
     """How many states each responder is known to have at each moment, two at least, (R, M)."""
     return (shown.cummax(1).values + 1).clamp(min=2)
 
@@ -142,7 +144,7 @@ def _log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple
         shown: int (R, M).
         follow: (R, H, M, STATES), how often each state followed equal contexts.
     """
-    right, total, ways = _right(follow, shown), follow.sum(-1), ways_of(shown)[:, None]
+    right, total, ways = _right(follow, shown), follow.sum(-1), known_states(shown)[:, None]
     sure, unsure = (estimated(right, total, ways, few) for few in (SURE, UNSURE))
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
@@ -156,7 +158,7 @@ def _unless_it_fails(earlier: Earlier, shown: Tensor) -> Tensor:
     logs = torch.from_numpy(attempts(shown.numpy())).float()  # (R, M, S)
     same = (earlier.same[earlier.own] & earlier.past).float()
     known = torch.einsum("uij,rjs->ruis", same, logs)
-    known = known.masked_fill(torch.arange(STATES) >= ways_of(shown)[:, None, :, None], -torch.inf)
+    known = known.masked_fill(torch.arange(STATES) >= known_states(shown)[:, None, :, None], -torch.inf)
     return torch.logsumexp(known + logs[:, None], -1) - torch.logsumexp(known, -1)
 
 
@@ -167,7 +169,7 @@ def _together(shown: Tensor, before: Tensor) -> Tensor:
     alike = (changes[:, :, None] == changes[:, None]).float()  # (R, M, M)
     same = alike.tril(-1)
     logs = estimated(torch.einsum("oij,rij->roi", same, alike), same.sum(-1), 2, SURE)  # (R, other R, M)
-    which = changes * (ways_of(shown) - 1).log()  # it may have changed to any other state
+    which = changes * (known_states(shown) - 1).log()  # it may have changed to any other state
     logs = (logs - which[:, None]).cumsum(-1)
     others = ~torch.eye(len(shown), dtype=torch.bool)[..., None]
     return torch.logsumexp(logs.masked_fill(~others, -torch.inf), 1) - math.log(len(shown) - 1)
@@ -218,7 +220,7 @@ def _if_it_lasts(since: np.ndarray, shown: Tensor) -> Tensor:
     on = (torch.from_numpy(since.T.copy())[:, None] < longest[:, None]).float()[..., None]  # (N, actions, M, 1)
     agrees = torch.from_numpy(RESTED).float()[shown][:, None, None]  # (R, 1, 1, M, states)
     first, then = (on * agrees).cumsum(-2), ((1 - on) * agrees).cumsum(-2)
-    ways, state = ways_of(shown)[:, None], torch.arange(STATES)
+    ways, state = known_states(shown)[:, None], torch.arange(STATES)
     known = state < ways[..., None]  # (R, 1, M, S)
     there = (state[:, None] != state) & (known[..., None] & known[..., None, :])[:, None]
     logs = (first[..., :, None] + then[..., None, :]).masked_fill(~there, -torch.inf)  # (R, N, actions, M, S, S)
@@ -231,7 +233,7 @@ def _if_every_input_matters(found: Explanations, logs: Tensor, shown: Tensor) ->
     The probability of an explanation is the share of its functions that agree with what was shown. Of these and of all
     functions those of fewer inputs are taken away, by inclusion and exclusion.
     """
-    states = ways_of(shown)[:, None].log()
+    states = known_states(shown)[:, None].log()
     functions = torch.from_numpy(found.met)[:, None] * states  # log number of functions, (R, H, M)
     parts, signs = torch.from_numpy(found.parts), torch.from_numpy(found.signs)[..., None]
 

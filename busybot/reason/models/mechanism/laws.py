@@ -343,11 +343,11 @@ class Laws:
             states.setdefault(context[: len(inputs)], law.met(context))
         for state in set(states.values()):
             rare = [context for context, other in states.items() if other == state]
-            if len(rare) == 1 < len(states) - 1:
+            if len(rare) == 1 < len(states) - 1 and len(set(states.values())) == 2:
                 told = " and ".join(map(self._stands, law.inputs, inputs, rare[0]))
                 return f"shows look {state} only while {told}"
         odd = {(sum(context) % 2, state) for context, state in states.items()}
-        if len(inputs) == 2 and len(states) == 4 and len(odd) == 2:
+        if len(inputs) == 2 and len(states) == 4 and len(odd) == len(set(states.values())) == 2:
             return f"changes whenever {' or '.join(inputs)} is moved"
         return f"is decided by {' and '.join(inputs)} together"
 

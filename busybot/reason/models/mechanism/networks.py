@@ -36,12 +36,10 @@ IMPOSSIBLE = -1e4
 """Logit of an explanation that a responder cannot have: one that reads itself."""
 CERTAIN = 80.0
 """Log odds beyond it, of some hundreds of actions, are no more certain, and their exponentials no numbers."""
-SHARP = 5.0
-"""Column 0 of the evidence times this is a log probability."""
 
 
 @dataclass(frozen=True)
-class Told:
+class BoardFacts:
     """What is told of a board beside what was recorded of it.
 
     Attributes:
@@ -67,7 +65,7 @@ class Told:
 def explanation_graph(
     trace: Trace,
     after: Sequence[int],
-    told: Told | None = None,
+    told: BoardFacts | None = None,
     parents: np.ndarray | None = None,
     changes: Changes | None = None,
 ) -> HeteroData:
@@ -113,7 +111,7 @@ def explanation_graph(
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
         node.right = torch.from_numpy(right.transpose(2, 1, 0).reshape(responders * len(found.own), -1).copy())
-    (told or Told()).to(graph)
+    (told or BoardFacts()).to(graph)
     return graph
 
 
@@ -214,7 +212,7 @@ class MechanismNet(nn.Module):
         self.evidence = nn.Linear(heard, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
         self.rough = nn.Linear(width, 1)
-        self.sharpness = nn.Parameter(torch.tensor(0.6 * SHARP))
+        self.sharpness = nn.Parameter(torch.tensor(0.6 * SCALE))
         self.straight = nn.Linear(heard, 1, bias=False)
         self.witnesses = nn.Linear(WITNESSES, 3 * width)
         self.candidate = mlp(2 * width + 2, width, width)
@@ -246,7 +244,7 @@ class MechanismNet(nn.Module):
         known = self.kind.weight.T[node.kind] + self.world.weight.T[world]
         if self.unsteady is not None:
             known = known + self.unsteady(graph["board"].unsteady[of_board][owner, None])
-        prior = SHARP * self.prior.weight[world, node.kind][:, None]
+        prior = SCALE * self.prior.weight[world, node.kind][:, None]
         evidence = node.evidence[..., :-1]
         if self.config.rising:
             links = graph["input"].rising
@@ -271,7 +269,7 @@ class MechanismNet(nn.Module):
         if self.config.changes:
             odds = graph["responder"].odds.clamp(max=CERTAIN)
             rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
-            told = torch.cat([odds, rivals], -1) / SHARP
+            told = torch.cat([odds, rivals], -1) / SCALE
             if self.config.unsteady:  # before such a camera much looks like a change that is none
                 unsteady = graph["board"].unsteady[of_board][:, None, None]
                 told = torch.cat([told * (1 - unsteady), told * unsteady, unsteady.expand(-1, told.shape[1], 1)], -1)

@@ -34,8 +34,8 @@ from busybot.reason.models.mechanism.contexts import (
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import (
+    BoardFacts,
     MechanismNet,
-    Told,
     explanation_graph,
     moments_of,
     world_number,
@@ -188,8 +188,8 @@ class MechanismReasoner:
         """Edge probabilities after each step, at the level of objects and of links, with kinds and lags. Those of
         objects count links that nobody saw moving, if the network knows of such.
 
-        What counts as one link, and as one look, is found in all pictures of `seen`: rows of earlier steps have their
-        evidence alone from the actions until then. Kinds and lags are those of the end.
+        What counts as one link, and as one look, and how many states a link has, is found in all pictures of `seen`;
+        all other evidence of earlier rows is from the actions until then. Kinds and lags are those of the end.
         """
         return self._graph(seen, range(seen.steps + 1), *self._after_each(seen))
 
@@ -319,15 +319,15 @@ class MechanismReasoner:
     def _studied(self, seen: BoardSequence, graph: HeteroData) -> tuple[np.ndarray, np.ndarray | None]:
         return self._weighed(graph, self._told_of(seen), len(study_of(seen, self.encoder).found.inputs))
 
-    def _told_of(self, seen: BoardSequence) -> Told:
+    def _told_of(self, seen: BoardSequence) -> BoardFacts:
         """What a recording tells beside its trace, looked up once."""
         return seen.once((self, "told"), lambda: self._told(seen))
 
-    def _told(self, seen: BoardSequence) -> Told:
+    def _told(self, seen: BoardSequence) -> BoardFacts:
         links, known = study_of(seen, self.encoder).perceived.links, self._net.rising
         forms = forms_of(links)
         rising = np.zeros(len(forms)) if known is None else known(torch.from_numpy(forms)).double().numpy()
-        return Told(world_number(self._net.config, seen.world), rising, links.steadied)
+        return BoardFacts(world_number(self._net.config, seen.world), rising, links.steadied)
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
@@ -367,12 +367,12 @@ class MechanismReasoner:
             The explanations; how probable each is, float (R, H, K); and how probable it is that another mechanism than
             at first decides each responder, float (R, K), None if the network does not say so.
         """
-        told = Told(world_number(self._net.config, world), rising, unsteady)
+        told = BoardFacts(world_number(self._net.config, world), rising, unsteady)
         found = explanations_of(trace)
         return found, *self._weighed(explanation_graph(trace, after), told, len(found.inputs))
 
     @torch.no_grad()
-    def _weighed(self, graph: HeteroData, what: Told, explanations: int) -> tuple[np.ndarray, np.ndarray | None]:
+    def _weighed(self, graph: HeteroData, what: BoardFacts, explanations: int) -> tuple[np.ndarray, np.ndarray | None]:
         """See `explain`.
 
         Args:

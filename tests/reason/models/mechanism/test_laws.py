@@ -198,6 +198,22 @@ def test_laws_are_told_in_words() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("shown", "told"),
+    [
+        ((0, 0, 0, 0), "is decided by a and b together"),
+        ((0, 1, 2, 2), "is decided by a and b together"),
+        ((0, 1, 1, 0), "changes whenever a or b is moved"),
+    ],
+)
+def test_two_inputs_are_told_as_a_function_only_if_they_are_one_that_has_a_name(
+    shown: tuple[int, ...], told: str
+) -> None:
+    links = np.array([(0, 0), (1, 0), (0, 1), (1, 1)] * 3)
+    laws = laws_of("late 0", AND, links, np.array(shown * 3)[:, None])
+    assert laws.words(0, ["a", "b", "c"]) == told
+
+
 def test_laws_remember_what_explanations_remember() -> None:
     """Contexts step by step (`_Law.context`) and over a trace (`explanations_of`) are equal at the same moments."""
     rng, sizes = np.random.default_rng(3), (2, 3, 2)

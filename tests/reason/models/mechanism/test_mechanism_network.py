@@ -1,6 +1,7 @@
 """Explanations of what responders show, what is counted of them, and the network that judges them."""
 
 import math
+from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
 from typing import Literal
@@ -25,7 +26,7 @@ from busybot.reason.models.mechanism.contexts import (
     explanations_of,
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
-from busybot.reason.models.mechanism.networks import MechanismNet, Told, explanation_graph, parents_of
+from busybot.reason.models.mechanism.networks import BoardFacts, MechanismNet, explanation_graph, parents_of
 from busybot.reason.models.mechanism.training import learner
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace
 from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf
@@ -246,7 +247,7 @@ def test_what_a_world_makes_probable_is_so_where_it_is_told_alone(gates: list[La
     of_pairs = MEMORIES.index("late 0") + 2 * len(MEMORIES)
 
     def share(world: int) -> float:
-        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3], Told(world))])
+        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3], BoardFacts(world))])
         shares = net(graph)[0].exp()[graph["explanation"].kind == of_pairs]
         return float(shares.detach().sum())
 
@@ -286,6 +287,18 @@ def test_held_out_boards_may_be_shorter_than_others(
     config = MechanismConfig(labels=labels, net=MechanismNetConfig(changes=labels == "parents"))
     held_out = [of(board, actions) for board, actions in zip(gates, (12, 30), strict=False)]
     assert math.isfinite(MechanismLearner(config, held_out, held_out, 0).judge()["loss"])
+
+
+def test_boards_whose_true_parents_no_explanation_reads_teach_nothing_wrong(gates: list[LabelledTrace]) -> None:
+    board = replace(gates[0], parents=np.ones_like(gates[0].parents))  # more inputs than explanations have
+    learner = MechanismLearner(MechanismConfig(iterations=1), [board], [board], 0)
+    assert math.isfinite(learner.judge()["loss"])
+    assert math.isfinite(learner.iterate(0)[0])
+
+
+def test_changes_need_not_be_learned(gates: list[LabelledTrace]) -> None:
+    learner = MechanismLearner(MechanismConfig(net=MechanismNetConfig(changes=False)), gates[:2], gates[2:4], 0)
+    assert math.isfinite(learner.iterate(0)[0]) and math.isfinite(learner.judge()["loss"])
 
 
 def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace]) -> None:

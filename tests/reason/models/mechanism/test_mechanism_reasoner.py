@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -142,6 +143,9 @@ class Boards:
     def episode(self, index: int) -> Episode:
         return self._episode
 
+    def file(self, index: int) -> Path:
+        return Path("episodes/000007.mcap")
+
 
 def test_what_links_decide_that_nobody_saw_moving_is_learned_from_parts_of_recordings(watched: BoardSequence) -> None:
     """Each shows what it shows by itself; the mechanism that decides at its end is the true one."""
@@ -153,9 +157,27 @@ def test_what_links_decide_that_nobody_saw_moving_is_learned_from_parts_of_recor
     assert [part.touched.triggers.tolist() for part in board.triggers] == [[0, 3]] * 5
     before, after = [[1, 0, 0], [1, 1, 0]], [[1, 1, 0], [1, 0, 0]]
     assert [part.deciding.tolist() for part in board.triggers] == [before, before, before, after, after]
-    assert not list(_looked_at(cast(RecordedBoards, Boards(watched)), MechanismConfig(), False, told.append))[
-        0
-    ].triggers
+    [whole] = _looked_at(cast(RecordedBoards, Boards(watched)), MechanismConfig(), False, told.append)
+    assert not whole.triggers
+
+
+def test_a_board_on_which_nobody_acted_teaches_nothing(watched: BoardSequence) -> None:
+    told: list[int] = []
+    boards = cast(RecordedBoards, Boards(watched.first(1)))
+    assert not list(_looked_at(boards, MechanismConfig(), True, told.append)) and told == [1]
+
+
+def test_labels_that_nobody_has_are_not_learned_from(watched: BoardSequence) -> None:
+    boards = Boards(watched)
+    boards._episode = replace(
+        boards._episode, board=boards._episode.board.model_copy(update={"relations_known": False})
+    )
+    unknown = cast(RecordedBoards, boards)
+    with pytest.raises(BusybotError, match="000007.mcap: nobody knows") as told:
+        list(_looked_at(unknown, MechanismConfig(), False, lambda done: None))
+    assert "labels=pictures" in str(told.value.hint)
+    [board] = _looked_at(unknown, MechanismConfig(labels="pictures"), False, lambda done: None)
+    assert board.parents is None
 
 
 def test_what_is_believed_at_the_end_is_told_without_the_rest(watched: BoardSequence) -> None:
@@ -225,11 +247,16 @@ def test_what_might_have_been_has_the_luck_of_what_was(watched: BoardSequence) -
     np.testing.assert_allclose(after[:, 4], features[[0] * 4, 4], atol=1e-5)
 
 
-def test_an_untrained_network_claims_little_and_nothing_before_anything_was_done(watched: BoardSequence) -> None:
+def test_before_anything_was_done_all_pairs_are_alike(watched: BoardSequence) -> None:
     torch.manual_seed(0)
     reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")
     graph = reasoner.graph(watched.first(1))
-    assert graph.probabilities.shape == (1, 5, 5) and np.isfinite(graph.probabilities).all()
+    assert graph.probabilities.shape == (1, 5, 5)
+    of_triggers = np.outer(watched.triggers, watched.responders)
+    of_responders = np.outer(watched.responders, watched.responders) & ~np.eye(5, dtype=bool)
+    for pairs in (of_triggers, of_responders):
+        assert 0 < graph.probabilities[0, pairs].min() < 1 and np.ptp(graph.probabilities[0, pairs]) < 1e-6
+    assert not graph.probabilities[0, ~of_triggers & ~of_responders].any()
     with pytest.raises(BusybotError, match="without pictures"):
         reasoner.graph(BoardSequence(**watched.arrays))
 
@@ -331,7 +358,7 @@ def test_mechanisms_are_told_in_words(watched: BoardSequence) -> None:
     )
 
 
-def test_where_no_link_was_seen_nothing_changes(watched: BoardSequence) -> None:
+def test_where_nothing_was_seen_moving_nothing_is_foretold(watched: BoardSequence) -> None:
     def watch(steps: int) -> ObservedLinks:
         return ObservedLinks(
             np.full(steps, -1), np.zeros((steps + 1, 0), int), np.zeros(0, int), np.zeros((0, 2)), directions=()
@@ -341,8 +368,41 @@ def test_where_no_link_was_seen_nothing_changes(watched: BoardSequence) -> None:
     reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")
     told = reasoner.predict(still, still.features[-1][None], still.actions[-1][None], still.acted[-1][None])
     np.testing.assert_array_equal(told[0], still.features[-1])
-    words = reasoner.graph(still).words
-    assert words is not None and not any(f"object {switch}" in told for switch in SWITCHES for told in words)
+    graph = reasoner.graph(still)
+    assert graph.words is not None and set(graph.words) == {"", "nothing moves it"}
+    assert not graph.claimed(still.steps).any() and graph.links is not None and not len(graph.links.after(1))
+
+
+@pytest.mark.parametrize("there", [("trigger",), ("responder",), ()])
+@pytest.mark.parametrize("actions", [0, len(PRESSES)])
+@pytest.mark.parametrize("steadied", [False, True])
+def test_boards_that_lack_triggers_or_responders_are_answered(
+    watched: BoardSequence, there: tuple[str, ...], actions: int, steadied: bool
+) -> None:
+    kept = np.zeros(len(watched.triggers), bool)
+    for role, own in (("trigger", watched.triggers), ("responder", watched.responders)):
+        kept |= own & (role in there)
+
+    def watch(steps: int) -> ObservedLinks:
+        links = ObservedLinks(
+            np.full(steps, -1), np.zeros((steps + 1, 0), int), np.zeros(0, int), np.zeros((0, 2)), directions=()
+        )
+        if "trigger" in there:
+            links = replace(watched.watch(steps), owners=np.arange(2))
+        return replace(links, steadied=steadied)
+
+    acted = np.where(watched.acted == SWITCHES[1], 1, watched.acted) if "trigger" in there else watched.acted * 0 - 1
+    seen = BoardSequence(
+        watched.features[:, kept], watched.positions[kept], watched.actions, acted, watched.triggers[kept],
+        watched.responders[kept], watch=watch,
+    ).first(actions + 1)  # fmt: skip
+    reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig(unseen=True, rising=True, unsteady=True)), "embedded")
+    graph, current = reasoner.graph(seen), seen.features[-1]
+    assert np.isfinite(graph.probabilities).all() and graph.probabilities.shape[1:] == (kept.sum(),) * 2
+    told = reasoner.predict(seen, current[None], watched.actions[:1], acted[:1])
+    assert told.shape == (1, *current.shape) and np.isfinite(told).all()
+    assert np.isfinite(reasoner.expected_information(seen, watched.actions[:3], acted[:3])).all()
+    assert 0 <= reasoner.certainty(seen) <= 1
 
 
 def test_what_may_fail_goes_where_it_was_seen_going_or_staying() -> None:

@@ -11,7 +11,7 @@ import torch
 from busybot.reason.inputs.trigger_links import ObservedLinks
 from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
-from busybot.reason.models.mechanism.networks import MechanismNet, Told, explanation_graph
+from busybot.reason.models.mechanism.networks import BoardFacts, MechanismNet, explanation_graph
 from busybot.reason.models.mechanism.rising import (
     FORM,
     SUREST,
@@ -131,7 +131,7 @@ def test_a_network_hears_which_way_round_links_are_if_it_is_to() -> None:
     def shares(rising: bool, odds: Sequence[float]) -> torch.Tensor:
         torch.manual_seed(0)
         net = MechanismNet(MechanismNetConfig(rising=rising))
-        graph = explanation_graph(trace(BOTH), [5, 20], Told(rising=np.array(odds)))
+        graph = explanation_graph(trace(BOTH), [5, 20], BoardFacts(rising=np.array(odds)))
         return net(Batch.from_data_list([graph, graph]))[0].detach()
 
     assert torch.equal(shares(False, (2, 2)), shares(False, (2, -2)))

@@ -24,7 +24,7 @@ from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
-from busybot.reason.models.mechanism.networks import Told, explanation_graph, moments_of
+from busybot.reason.models.mechanism.networks import BoardFacts, explanation_graph, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.rising import FORM, forms_of
 from busybot.reason.models.mechanism.training.pictured import STILL, pictured, way_round
@@ -98,14 +98,14 @@ class LabelledTrace:
         if self.parents is None or self.changed is None:
             return self._foretold(after, world)
         steps = np.maximum(np.asarray(after) - 1, 0)
-        told = Told(world, self.rising, self.unsteady)
+        told = BoardFacts(world, self.rising, self.unsteady)
         graph = explanation_graph(self.trace, after, told, parents=self.parents[steps])
         graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())
         return graph
 
     def _foretold(self, after: Sequence[int], world: int) -> HeteroData:
         """With `later`, float32 (R * H, K): log probability that explanations gave to all that was shown after that."""
-        graph = explanation_graph(self.trace, [*after, self.actions], Told(world))
+        graph = explanation_graph(self.trace, [*after, self.actions], BoardFacts(world))
         logs = SCALE * graph["explanation"].evidence[..., EITHER]
         graph["explanation"].later = logs[:, -1:] - logs
         return moments_of(graph, torch.arange(len(after)))

@@ -18,7 +18,8 @@ from torch import Tensor
 from torch.nn.functional import avg_pool1d
 
 from busybot.reason.models.mechanism.contexts import (
-    MEMORIES,
+    NONE,
+    NOW,
     RESTED,
     STATES,
     SURE,
@@ -32,7 +33,6 @@ from busybot.reason.models.mechanism.evidence import estimated
 
 NOTHING = -20.0
 """Log odds where nothing can have changed."""
-_NOW = [MEMORIES.index(name) for name in ("none", "late 0")]
 KINDS = ("all", "without luck", "one or two links as they are now")
 """Explanations whose odds are told."""
 EARLIEST = 8
@@ -88,7 +88,7 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
 
 def _kinds(found: Explanations, links: int) -> list[Tensor]:
     """Explanations of each of `KINDS`."""
-    now = np.isin(found.memory, _NOW) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, links:].any(1)
+    now = np.isin(found.memory, (NONE, NOW)) & (found.inputs.sum(1) <= 2) & ~found.inputs[:, links:].any(1)
     return [torch.from_numpy(np.flatnonzero(which)) for which in (np.ones_like(now), ~found.own, now)]
 
 

@@ -12,7 +12,8 @@ How well explanations do is counted (`evidence`) and judged by a network (`netwo
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, product
+from typing import Literal
 
 import numpy as np
 
@@ -25,17 +26,53 @@ LONGEST = 5
 INPUTS = 3
 """An explanation has so many inputs at most."""
 WAYS = ("up", "down")
-MEMORIES = (
-    "none", "own", *(f"late {late}" for late in range(DELAYS)), "own and now",
-    *(f"{what} {way}" for what in ("odd presses", "since press") for way in WAYS),
-    *(f"last press {one}, {two}" for one in WAYS for two in WAYS),
-)  # fmt: skip
-"""What explanations remember. `own` is the responder's state before the action, which is what luck leaves in place. A
-link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is on."""
-UNRELIABLE = MEMORIES.index("own and now")
-_OF_PRESSES = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "last"))]
-_LAST = [number for number, name in enumerate(MEMORIES) if name.startswith("last")]
-SINCE = [number for number, name in enumerate(MEMORIES) if name.startswith("since")]
+"""A link is pressed up when it comes to rest in its highest state, down in its lowest: pictures do not tell which is
+on."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What an explanation remembers.
+
+    Attributes:
+        name: for people.
+        what: of its inputs: `nothing`, their `states`, whether one was pressed an `odd` number of times, `since` when,
+            or which one was pressed `last`.
+        delay: so many actions ago they were in these states.
+        ways: which presses count, of each input, numbers in `WAYS`.
+        own: also the responder's state before the action, which is what luck leaves in place.
+    """
+
+    name: str
+    what: Literal["nothing", "states", "odd", "since", "last"]
+    delay: int = 0
+    ways: tuple[int, ...] = ()
+    own: bool = False
+
+
+REMEMBERED = (
+    Memory("none", "nothing"),
+    Memory("own", "nothing", own=True),
+    *(Memory(f"late {delay}", "states", delay) for delay in range(DELAYS)),
+    Memory("own and now", "states", own=True),
+    *(Memory(f"odd presses {way}", "odd", ways=(number,)) for number, way in enumerate(WAYS)),
+    *(Memory(f"since press {way}", "since", ways=(number,)) for number, way in enumerate(WAYS)),
+    *(
+        Memory(f"last press {WAYS[one]}, {WAYS[two]}", "last", ways=(one, two))
+        for one, two in product((0, 1), repeat=2)
+    ),
+)
+"""What explanations may remember."""
+MEMORIES = tuple(one.name for one in REMEMBERED)
+
+
+def memories(*what: str) -> list[int]:
+    """Numbers of what remembers one of these, in `REMEMBERED`."""
+    return [number for number, one in enumerate(REMEMBERED) if one.what in what]
+
+
+NONE, NOW, UNRELIABLE = map(MEMORIES.index, ("none", "late 0", "own and now"))
+SINCE = memories("since")
 SURE, UNSURE = 0.03, 0.4
 """Pseudo-counts of the estimators: of what is determined, and of what has a luck of its own."""
 LUCK, MISTAKE = 0.8, 0.01
@@ -73,7 +110,7 @@ class Explanations:
 
     Attributes:
         inputs: bool (H, I).
-        memory: int (H,), which of `MEMORIES`.
+        memory: int (H,), which of `REMEMBERED`.
         contexts: int (T + 1, H), on the new board and after each action; equal ones are equal numbers. What `own` adds
             is left out.
         own: bool (H,), whether the responder's state before the action is part of the context.
@@ -122,53 +159,53 @@ class Layout:
 @lru_cache(maxsize=64)
 def layout(links: int, responders: int) -> Layout:
     """Up to two inputs of which at most one is a responder, and up to three links; only links have a longer past."""
-    count, late = links + responders, [f"late {delay}" for delay in range(1, DELAYS)]
+    count, late = links + responders, [number for number, one in enumerate(REMEMBERED) if one.delay]
     single = [(one,) for one in range(links)]
     pairs, threes = list(combinations(range(links), 2)), list(combinations(range(links), INPUTS))
     mixed = [(one, other) for one in range(links) for other in range(links, count)]
-    groups: list[tuple[str, Sequence[tuple[int, ...]]]] = [("none", [()]), ("own", [()])]
+    groups: list[tuple[int, Sequence[tuple[int, ...]]]] = [(number, [()]) for number in memories("nothing")]
     for sets in ([(one,) for one in range(count)], [*pairs, *mixed], threes):
-        groups += [("late 0", sets), ("own and now", sets)]
-    groups += [(memory, sets) for sets in (single, pairs) for memory in late]
-    groups += [(f"{what} {way}", single) for what in ("odd presses", "since press") for way in WAYS]
-    groups += [(f"last press {one}, {two}", pairs) for one in WAYS for two in WAYS]
-    every = [(name, one) for name, sets in groups for one in sets]
-    told, names = np.zeros((len(every), count), bool), [name for name, _ in every]
+        groups += [(NOW, sets), (UNRELIABLE, sets)]
+    groups += [(number, sets) for sets in (single, pairs) for number in late]
+    groups += [(number, single) for number in memories("odd", "since")]
+    groups += [(number, pairs) for number in memories("last")]
+    every = [(number, one) for number, sets in groups for one in sets]
+    told, memory = np.zeros((len(every), count), bool), np.array([number for number, _ in every])
     places, weights = np.full((len(every), INPUTS), -1), np.zeros((len(every), INPUTS), int)
-    for number, (name, inputs) in enumerate(every):
-        told[number, inputs] = True
-        places[number, : len(inputs)] = _columns(name, inputs, links, count)
-        weights[number, : len(inputs)] = (1, -1) if name.startswith("last") else STATES ** np.arange(len(inputs))
-    memory = np.array([MEMORIES.index(name) for name in names])
+    for row, (number, inputs) in enumerate(every):
+        told[row, inputs] = True
+        places[row, : len(inputs)] = _columns(REMEMBERED[number], inputs, links, count)
+        last = REMEMBERED[number].what == "last"
+        weights[row, : len(inputs)] = (1, -1) if last else STATES ** np.arange(len(inputs))
     reads = np.array(np.nonzero(told))
-    own = np.array([name.startswith("own") for name in names])
-    since, last = (np.flatnonzero(np.isin(memory, which)) for which in (SINCE, _LAST))
-    return Layout(told, memory, own, reads, *_fewer(told, names, reads), places, weights, since, last)
+    own = np.array([REMEMBERED[number].own for number in memory])
+    since, of_last = (np.flatnonzero(np.isin(memory, which)) for which in (SINCE, memories("last")))
+    return Layout(told, memory, own, reads, *_fewer(told, memory, reads), places, weights, since, of_last)
 
 
-def _columns(name: str, inputs: Sequence[int], links: int, count: int) -> list[int]:
+def _columns(memory: Memory, inputs: Sequence[int], links: int, count: int) -> list[int]:
     """The columns of `_memories` that an explanation reads, one for each of its inputs."""
-    what, *rest = name.replace(",", "").split()
-    if what in ("odd", "since", "last"):
-        ways = [WAYS.index(way) + len(WAYS) * (what == "odd") for way in rest if way in WAYS]
-        return [DELAYS * count + way * links + one for way, one in zip(ways, inputs, strict=True)]
-    return [(int(rest[0]) if what == "late" else 0) * count + one for one in inputs]
+    if not memory.ways:
+        return [memory.delay * count + one for one in inputs]
+    odd = len(WAYS) * (memory.what == "odd")
+    return [DELAYS * count + (way + odd) * links + one for way, one in zip(memory.ways, inputs, strict=True)]
 
 
-def _fewer(told: np.ndarray, names: Sequence[str], reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _fewer(told: np.ndarray, memory: np.ndarray, reads: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`fewer`, `parts` and `signs` of `Explanations`; what no other one remembers, as presses, leaves nothing."""
-    place = {(name, *np.flatnonzero(row)): number for number, (name, row) in enumerate(zip(names, told, strict=True))}
+    place = {(one, *np.flatnonzero(row)): number for number, (one, row) in enumerate(zip(memory, told, strict=True))}
+    nothing = {REMEMBERED[number].own: place[number,] for number in memories("nothing")}
 
     def without(number: int, left_out: Sequence[int]) -> int:
         rest = [one for one in np.flatnonzero(told[number]) if one not in left_out]
-        nothing = place["own" if names[number].startswith("own") else "none",]
-        return place.get((names[number], *rest), nothing) if rest else nothing
+        none = nothing[REMEMBERED[memory[number]].own]
+        return place.get((memory[number], *rest), none) if rest else none
 
     parts, signs = np.zeros((2, len(told), 2**INPUTS), int)
     for number, row in enumerate(told):
         inputs = np.flatnonzero(row).tolist()
         some = [left_out for count in range(len(inputs) + 1) for left_out in combinations(inputs, count)]
-        if names[number].startswith("last"):
+        if REMEMBERED[memory[number]].what == "last":
             some = [(), tuple(inputs[:1])]  # with one press of the two there is nothing to compare
         parts[number, : len(some)] = [without(number, left_out) for left_out in some]
         signs[number, : len(some)] = [(-1) ** len(left_out) for left_out in some]
@@ -180,7 +217,7 @@ def explanations_of(trace: Trace) -> Explanations:
     known = layout(trace.links.shape[1], trace.responders.shape[1])
     sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)], int)
     met = np.where(known.inputs, sizes, 1).prod(1)
-    met = np.where(np.isin(known.memory, _OF_PRESSES), 2, met)
+    met = np.where(np.isin(known.memory, memories("odd", "last")), 2, met)
     met = np.where(np.isin(known.memory, SINCE), LONGEST + 1, met)
     return Explanations(
         known.inputs, known.memory, contexts_of(trace), known.own, known.reads, known.fewer, known.parts, known.signs,

@@ -18,12 +18,13 @@ from busybot.reason.models.mechanism.contexts import (
     ATTEMPTS,
     DELAYS,
     LONGEST,
-    MEMORIES,
+    REMEMBERED,
     RESTED,
     STATES,
     SURE,
     UNSURE,
     WAYS,
+    Memory,
 )
 
 KEPT = 8
@@ -95,37 +96,30 @@ class _Law:
     inputs: tuple[int, ...]
     sizes: tuple[int, ...]
     rising: tuple[float, ...]
-    what: str
-    ways: tuple[str, ...]
-    late: int
-    own: bool
+    memory: Memory
     weight: float
     counts: dict[tuple[int, ...], list[int]] = field(default_factory=dict)
     goals: dict[tuple[int, ...], np.ndarray] = field(default_factory=dict)
     _unmet: dict[tuple[int, ...], np.ndarray] | None = None
 
     @staticmethod
-    def of(inputs: np.ndarray, memory: str, share: float, sizes: Sequence[int], rising: Sequence[float]) -> "_Law":
-        what, *rest = memory.replace(",", "").split()
-        late = int(rest[0]) if what == "late" else 0
-        ways = tuple(way for way in rest if way in WAYS)
-        own = what == "own"
+    def of(inputs: np.ndarray, memory: Memory, share: float, sizes: Sequence[int], rising: Sequence[float]) -> "_Law":
         read = tuple(np.flatnonzero(inputs).tolist())
         of_inputs = tuple(sizes[one] for one in read), tuple(rising[one] for one in read)
-        return _Law(read, *of_inputs, what, ways, late, own, float(np.log(share + 1e-9)))
+        return _Law(read, *of_inputs, memory, float(np.log(share + 1e-9)))
 
     def context(self, after: Moment, before: int) -> tuple[int, ...]:
         """After an action, with the responder as it was before it."""
-        links = [self.inputs[k % len(self.inputs)] for k in range(len(self.ways))] if self.ways else []
-        if self.what == "odd":
-            return (after.odd[WAYS.index(self.ways[0])][links[0]],)
-        since = [after.since[WAYS.index(way)][link] for way, link in zip(self.ways, links, strict=True)]
-        if self.what == "since":
+        memory = self.memory
+        if memory.what == "odd":
+            return (after.odd[memory.ways[0]][self.inputs[0]],)
+        since = [after.since[way][link] for way, link in zip(memory.ways, self.inputs, strict=False)]
+        if memory.what == "since":
             return (min(since[0], LONGEST),)
-        if self.what == "last":
+        if memory.what == "last":
             return (int(np.sign(since[0] - since[1])),)
-        told = tuple(after.rows[self.late][one] for one in self.inputs)
-        return (*told, before) if self.own else told
+        told = tuple(after.rows[memory.delay][one] for one in self.inputs)
+        return (*told, before) if memory.own else told
 
     def met(self, context: tuple[int, ...]) -> int | None:
         """The state that followed mostly, of what may fail the one where it goes; None if the context was never met."""
@@ -138,24 +132,24 @@ class _Law:
     @property
     def fails(self) -> bool:
         """Whether it may fail to go where its inputs say."""
-        return self.own and bool(self.inputs)
+        return self.memory.own and bool(self.inputs)
 
     def follows(self, context: tuple[int, ...]) -> int | None:
         """The state that follows, also if the context was never met; None where that is open."""
-        if (state := self.met(context)) is not None or (self.ways and self.what != "since") or not self.inputs:
+        if (state := self.met(context)) is not None or self.memory.what in ("odd", "last") or not self.inputs:
             return state
         if self._unmet is None:
             followed = self.goals if self.fails else self.counts
             known = {inputs: int(np.argmax(told)) for inputs, told in followed.items()}
             states = 1 + max([1, *known.values()])
-            lasts = self.what == "since"
+            lasts = self.memory.what == "since"
             self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states, self.rising)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
     def probability(self, context: tuple[int, ...], state: int, ways: int) -> float:
         """Of a state after a context, as often as it followed so far."""
-        counts, few = self.counts.get(context, [0] * STATES), UNSURE if self.own else SURE
+        counts, few = self.counts.get(context, [0] * STATES), UNSURE if self.memory.own else SURE
         return (counts[state] + few) / (sum(counts) + few * ways)
 
     def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
@@ -174,7 +168,7 @@ class Laws:
     Args:
         sizes: number of states of each link.
         inputs: bool (H, I), of the explanations.
-        memory: int (H,), which of `MEMORIES`.
+        memory: int (H,), which of `REMEMBERED`.
         shares: float (R, H), probability of each explanation.
         links, responders: int (T + 1, L), (T + 1, R), what was seen.
         of: bool (R, T + 1), the moments that tell of these explanations; all by default.
@@ -197,7 +191,7 @@ class Laws:
         odds = (*([0.0] * len(self.sizes) if rising is None else rising.tolist()), *[0.0] * len(self._ways))
         self._laws = [
             [
-                _Law.of(inputs[h], MEMORIES[memory[h]], own[h], of_inputs, odds)
+                _Law.of(inputs[h], REMEMBERED[memory[h]], own[h], of_inputs, odds)
                 for h in np.argsort(-own, kind="stable")[:KEPT]
             ]
             for own in shares
@@ -312,8 +306,8 @@ class Laws:
 
     def _key(self, moment: Moment, laws: list[_Law]) -> tuple[object, ...]:
         """Equal where the same will follow."""
-        late = [tuple(row[one] for row in moment.rows[: law.late] for one in law.inputs) for law in laws]
-        memories = [law.context(moment, own) for law, own in zip(laws, moment.shown, strict=True) if law.ways]
+        late = [tuple(row[one] for row in moment.rows[: law.memory.delay] for one in law.inputs) for law in laws]
+        memories = [law.context(moment, own) for law, own in zip(laws, moment.shown, strict=True) if law.memory.ways]
         return moment.links, moment.shown, tuple(late), tuple(memories)
 
     def words(self, number: int, names: Sequence[str]) -> str:
@@ -323,17 +317,19 @@ class Laws:
             names: of the inputs, links first.
         """
         law = self.best()[number]
-        inputs = [names[one] for one in law.inputs]
+        inputs, memory = [names[one] for one in law.inputs], law.memory
         if not inputs:
             states = {law.met(context) for context in law.counts}
-            return "changes by itself" if law.own and len(states) > 1 else "nothing moves it"
-        if law.what == "odd":
+            return "changes by itself" if memory.own and len(states) > 1 else "nothing moves it"
+        if memory.what == "odd":
             return f"changes with every press of {inputs[0]}"
-        if law.what == "since":
+        if memory.what == "since":
             return f"changes for some actions when {inputs[0]} is pressed"
-        if law.what == "last":
+        if memory.what == "last":
             return f"is set by {inputs[0]}, reset by {inputs[1]}"
-        late = f", {law.late} action{'s' * (law.late > 1)} later" if law.late else ", sometimes late" if law.own else ""
+        late = ", sometimes late" if memory.own else ""
+        if memory.delay:
+            late = f", {memory.delay} action{'s' * (memory.delay > 1)} later"
         return f"{f'follows {inputs[0]}' if len(inputs) == 1 else self._together(law, inputs)}{late}"
 
     def _together(self, law: _Law, inputs: Sequence[str]) -> str:

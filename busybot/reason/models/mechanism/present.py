@@ -12,7 +12,15 @@ from itertools import product
 
 import numpy as np
 
-from busybot.reason.models.mechanism.contexts import DELAYS, LONGEST, MEMORIES, STATES, Explanations
+from busybot.reason.models.mechanism.contexts import (
+    DELAYS,
+    LONGEST,
+    NOW,
+    STATES,
+    UNRELIABLE,
+    Explanations,
+    memories,
+)
 from busybot.reason.models.mechanism.perception import Perceived
 
 MOST = 4096
@@ -27,9 +35,6 @@ REST = LONGEST + DELAYS
 """After so many actions in which nothing moved no press is remembered, and nothing comes late."""
 LEAST = -1
 """The contexts of what remembers presses lie between this and `LONGEST`."""
-_STATELESS = [MEMORIES.index(name) for name in ("none", "late 0", "own and now")]
-_ODD = [number for number, name in enumerate(MEMORIES) if name.startswith("odd")]
-_PRESSED = [number for number, name in enumerate(MEMORIES) if name.startswith(("odd", "since", "last"))]
 
 
 @dataclass(frozen=True)
@@ -70,7 +75,7 @@ class Past:
         links = trace.links.shape[1]
         for responder, best in enumerate(self.shares.argmax(1)):
             inputs = np.flatnonzero(self.found.inputs[best])
-            if self.found.memory[best] not in _STATELESS or not len(inputs) or inputs.max() >= links:
+            if self.found.memory[best] not in (NOW, UNRELIABLE) or not len(inputs) or inputs.max() >= links:
                 continue
             weights = STATES ** np.arange(len(inputs))
             equal = trace.links[:, inputs] @ weights == (ways[:, inputs] @ weights)[:, None]  # (ways, T + 1)
@@ -88,7 +93,7 @@ class Past:
             shown: int (R,), states before it.
         """
         contexts = np.tile(after, (len(shown), 1))
-        odd, pressed = np.isin(self.found.memory[self._presses], _ODD), (rested != after)[self._presses]
+        odd, pressed = np.isin(self.found.memory[self._presses], memories("odd")), (rested != after)[self._presses]
         met, usual = self._usual
         fitting = met & (usual == shown)  # (P, V, R)
         rests = fitting[np.arange(len(odd)), rested[self._presses] - LEAST]
@@ -101,7 +106,7 @@ class Past:
     @cached_property
     def _presses(self) -> np.ndarray:
         """int (P,), the explanations that remember presses."""
-        return np.flatnonzero(np.isin(self.found.memory, _PRESSED))
+        return np.flatnonzero(np.isin(self.found.memory, memories("odd", "since", "last")))
 
     @cached_property
     def _usual(self) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ from busybot.reason.models.mechanism.changes import EARLIEST
 from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
     LONGEST,
-    MEMORIES,
+    REMEMBERED,
     SINCE,
     STATES,
     UNRELIABLE,
@@ -30,6 +30,7 @@ from busybot.reason.models.mechanism.contexts import (
     explanations_of,
     followed,
     goals,
+    memories,
 )
 from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
 from busybot.reason.models.mechanism.laws import Laws
@@ -63,7 +64,7 @@ AT_ONCE = 16
 """Moments that the network weighs at once: with more what it computes does not stay near the processor."""
 LIKELY = 0.02
 """Less probable explanations are not asked about what they never met."""
-_COMPLETED = [number for number, name in enumerate(MEMORIES) if name.startswith(("late", "own and now", "since"))]
+_COMPLETED = memories("states", "since")
 
 
 @dataclass(frozen=True)
@@ -405,10 +406,9 @@ class MechanismReasoner:
         count = len(known.perceived.links.owners)
         for index, shares in zip(known.perceived.responders, known.shares, strict=True):
             best = int(shares.argmax())
-            inputs, memory = known.found.inputs[best], MEMORIES[known.found.memory[best]]
-            late = int(memory.split()[1]) if memory.startswith("late") else 0
-            by_inputs = "delay" if late else "one-to-one" if inputs.sum() == 1 else "gate"
-            kinds[index] = KINDS.get(memory, KINDS.get(memory.split()[0], by_inputs))
+            inputs, memory = known.found.inputs[best], REMEMBERED[known.found.memory[best]]
+            by_inputs = "delay" if memory.delay else "one-to-one" if inputs.sum() == 1 else "gate"
+            kinds[index] = KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
             if inputs.any():
-                lags[index] = late + int(inputs[count:].any())
+                lags[index] = memory.delay + int(inputs[count:].any())
         return tuple(kinds), lags

@@ -15,15 +15,14 @@ from torch.nn.functional import logsigmoid
 
 from busybot.reason.inputs.trigger_links import ObservedLinks
 from busybot.reason.models.mechanism.contexts import (
-    MEMORIES,
+    REMEMBERED,
     RESTED,
     STATES,
-    UNRELIABLE,
-    WAYS,
     Explanations,
     Trace,
     attempts,
     layout,
+    memories,
 )
 
 FORM = 10
@@ -40,7 +39,7 @@ SUREST = 0.95
 otherwise."""
 FARTHEST = 20.0
 """Log odds beyond it say no more."""
-_TABLED = [number for number, name in enumerate(MEMORIES) if name.startswith("late")] + [UNRELIABLE]
+_TABLED = memories("states")
 
 
 def forms_of(links: ObservedLinks) -> np.ndarray:
@@ -135,12 +134,8 @@ def ways_of(links: int, responders: int) -> np.ndarray:
     known = layout(links, responders)
     told = []
     for number, row in enumerate(known.inputs):
-        ways = [
-            1 if one == WAYS[0] else -1
-            for one in MEMORIES[known.memory[number]].replace(",", "").split()
-            if one in WAYS
-        ]
-        told += ways or [0] * int(row.sum())
+        ways = REMEMBERED[known.memory[number]].ways
+        told += [-1 if way else 1 for way in ways] or [0] * int(row.sum())
     return np.array(told, int)
 
 

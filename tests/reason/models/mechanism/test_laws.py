@@ -14,7 +14,7 @@ from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.latch import Latch
 from busybot.boards.mechanisms.timer import Timer
 from busybot.boards.mechanisms.toggle import Toggle
-from busybot.reason.models.mechanism.contexts import MEMORIES, Trace, explanations_of
+from busybot.reason.models.mechanism.contexts import MEMORIES, REMEMBERED, Trace, explanations_of
 from busybot.reason.models.mechanism.laws import Laws, Links, Moment, _Law
 
 AND = Gate(sizes=(2, 2), table=(0, 0, 0, 1), function="and")
@@ -224,7 +224,7 @@ def test_laws_remember_what_explanations_remember() -> None:
     for states, now in zip(links[1:].tolist(), shown[1:].tolist(), strict=True):
         moments.append(replace(moments[-1].acted(tuple(states), sizes), shown=tuple(now)))
     for number, memory in enumerate(found.memory):
-        law = _Law.of(found.inputs[number], MEMORIES[memory], 1.0, (*sizes, 2, 2), [0.0] * (len(sizes) + 2))
+        law = _Law.of(found.inputs[number], REMEMBERED[memory], 1.0, (*sizes, 2, 2), [0.0] * (len(sizes) + 2))
         told = [law.context(moment, 0) for moment in moments]
         pairs = set(zip(found.contexts[:, number].tolist(), told, strict=True))
         assert len(pairs) == len(set(told)) == len({context for context, _ in pairs}), MEMORIES[memory]

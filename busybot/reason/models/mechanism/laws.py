@@ -87,6 +87,7 @@ class _Law:
     Attributes:
         sizes: number of states of each input.
         rising: log odds that these are numbered as they rise.
+        states: number of states of the responder.
         weight: log probability.
         counts: how often each state followed a context.
         goals: of what may fail: how well each state agrees with being where it goes in a context, see
@@ -96,6 +97,7 @@ class _Law:
     inputs: tuple[int, ...]
     sizes: tuple[int, ...]
     rising: tuple[float, ...]
+    states: int
     memory: Memory
     weight: float
     counts: dict[tuple[int, ...], list[int]] = field(default_factory=dict)
@@ -103,10 +105,13 @@ class _Law:
     _unmet: dict[tuple[int, ...], np.ndarray] | None = None
 
     @staticmethod
-    def of(inputs: np.ndarray, memory: Memory, share: float, sizes: Sequence[int], rising: Sequence[float]) -> "_Law":
+    def of(
+        inputs: np.ndarray, memory: Memory, share: float, states: int, sizes: Sequence[int], rising: Sequence[float]
+    ) -> "_Law":
+        """Of a responder with so many states, on a board with inputs of these sizes."""
         read = tuple(np.flatnonzero(inputs).tolist())
         of_inputs = tuple(sizes[one] for one in read), tuple(rising[one] for one in read)
-        return _Law(read, *of_inputs, memory, float(np.log(share + 1e-9)))
+        return _Law(read, *of_inputs, states, memory, float(np.log(share + 1e-9)))
 
     def context(self, after: Moment, before: int) -> tuple[int, ...]:
         """After an action, with the responder as it was before it."""
@@ -141,21 +146,21 @@ class _Law:
         if self._unmet is None:
             followed = self.goals if self.fails else self.counts
             known = {inputs: int(np.argmax(told)) for inputs, told in followed.items()}
-            states = 1 + max([1, *known.values()])
             lasts = self.memory.what == "since"
-            self._unmet = lasting(known, states) if lasts else completed(known, self.sizes, states, self.rising)
+            of_sizes = known, self.sizes, self.states, self.rising
+            self._unmet = lasting(known, self.states) if lasts else completed(*of_sizes)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 
-    def probability(self, context: tuple[int, ...], state: int, ways: int) -> float:
+    def probability(self, context: tuple[int, ...], state: int) -> float:
         """Of a state after a context, as often as it followed so far."""
         counts, few = self.counts.get(context, [0] * STATES), UNSURE if self.memory.own else SURE
-        return (counts[state] + few) / (sum(counts) + few * ways)
+        return (counts[state] + few) / (sum(counts) + few * self.states)
 
-    def learn(self, context: tuple[int, ...], state: int, ways: int, rested: bool) -> None:
+    def learn(self, context: tuple[int, ...], state: int, rested: bool) -> None:
         """That a state followed a context; or that it has rested for long."""
         self._unmet = None
-        self.weight += float(np.log(self.probability(context, state, ways)))
+        self.weight += float(np.log(self.probability(context, state)))
         self.counts.setdefault(context, [0] * STATES)[state] += 1
         if self.fails:
             told = RESTED[state] if rested else ATTEMPTS[context[-1], state]
@@ -191,10 +196,10 @@ class Laws:
         odds = (*([0.0] * len(self.sizes) if rising is None else rising.tolist()), *[0.0] * len(self._ways))
         self._laws = [
             [
-                _Law.of(inputs[h], REMEMBERED[memory[h]], own[h], of_inputs, odds)
+                _Law.of(inputs[h], REMEMBERED[memory[h]], own[h], states, of_inputs, odds)
                 for h in np.argsort(-own, kind="stable")[:KEPT]
             ]
-            for own in shares
+            for own, states in zip(shares, self._ways, strict=True)
         ]
         weights = [[law.weight for law in laws] for laws in self._laws]
         moment = self.begin(links[0], responders[0], None if of is None else of[:, 0])
@@ -231,8 +236,7 @@ class Laws:
     ) -> None:
         for number, laws in enumerate(self._laws):
             for law in laws if told is None or told[number] else ():
-                own, ways = before[number], self._ways[number]
-                law.learn(law.context(after, own), shown[number], ways, rested)
+                law.learn(law.context(after, before[number]), shown[number], rested)
 
     def best(self) -> list[_Law]:
         """The weightiest law of each responder."""
@@ -287,7 +291,7 @@ class Laws:
         for laws, ways, before, state in zip(self._laws, self._ways, moment.shown, shown, strict=True):
             shares = softmax([law.weight for law in laws])
             told = sum(
-                share * law.probability(law.context(after, before), state, ways)
+                share * law.probability(law.context(after, before), state)
                 for share, law in zip(shares, laws, strict=True)
             )
             total += float(np.log((1 - MISREAD) * told + MISREAD / ways))

@@ -224,7 +224,7 @@ def test_laws_remember_what_explanations_remember() -> None:
     for states, now in zip(links[1:].tolist(), shown[1:].tolist(), strict=True):
         moments.append(replace(moments[-1].acted(tuple(states), sizes), shown=tuple(now)))
     for number, memory in enumerate(found.memory):
-        law = _Law.of(found.inputs[number], REMEMBERED[memory], 1.0, (*sizes, 2, 2), [0.0] * (len(sizes) + 2))
+        law = _Law.of(found.inputs[number], REMEMBERED[memory], 1.0, 2, (*sizes, 2, 2), [0.0] * (len(sizes) + 2))
         told = [law.context(moment, 0) for moment in moments]
         pairs = set(zip(found.contexts[:, number].tolist(), told, strict=True))
         assert len(pairs) == len(set(told)) == len({context for context, _ in pairs}), MEMORIES[memory]

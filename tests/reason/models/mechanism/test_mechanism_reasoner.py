@@ -19,13 +19,14 @@ from busybot.episodes.episode import Episode
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.inputs.trigger_links import ObservedLinks
+from busybot.reason.inputs.trigger_links import ObservedLinks, numbered
 from busybot.reason.models.base import Imagining, believed
 from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     LUCK,
     MEMORIES,
     MISTAKE,
+    NOW,
     STATES,
     UNRELIABLE,
     Trace,
@@ -403,6 +404,23 @@ def test_boards_that_lack_triggers_or_responders_are_answered(
     assert told.shape == (1, *current.shape) and np.isfinite(told).all()
     assert np.isfinite(reasoner.expected_information(seen, watched.actions[:3], acted[:3])).all()
     assert 0 <= reasoner.certainty(seen) <= 1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_plans_and_predictions_foretell_the_same(seed: int) -> None:
+    """Of a function of two links, three states at most, some of whose combinations were never met."""
+    rng = np.random.default_rng(seed)
+    links = np.cumsum(np.eye(2, dtype=int)[rng.integers(2, size=rng.integers(4, 12))], 0) % 2
+    shown = numbered(rng.integers(3, size=4)[links @ [1, 2]])[:, None]
+    trace = Trace(links, shown, (2, 2))
+    found = explanations_of(trace)
+    [row] = np.flatnonzero((found.inputs == [True, True, False]).all(1) & (found.memory == NOW))
+    sure = np.eye(len(found.own))[[row]]
+    known = _Understood(SimpleNamespace(trace=trace), found, sure, np.zeros(1, int), sure, np.zeros(2))  # type: ignore[arg-type]
+    laws, start = known.laws(), Moment.new(links[-1], shown[-1])
+    for states in product((0, 1), repeat=2):
+        [contexts] = contexts_of(trace.longer(states, shown[-1]), 1)
+        assert known.following(contexts, shown[-1]).tolist() == [*laws.expected(start, [states])[-1].shown]
 
 
 def test_what_may_fail_goes_where_it_was_seen_going_or_staying() -> None:

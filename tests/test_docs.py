@@ -1,5 +1,6 @@
 """What the pages in docs/ say works: code runs, links lead somewhere; `tests/tools` has the generated parts."""
 
+import ast
 import os
 import re
 import shlex
@@ -12,6 +13,7 @@ import pytest
 
 import busybot
 from busybot import __version__
+from busybot.cli.eval import printing
 from busybot.cli.main import load_command
 from busybot.cli.options import RENAMED, UNTIL
 
@@ -132,6 +134,20 @@ def test_the_changes_name_this_version_and_options_with_old_names() -> None:
     assert f"until version {UNTIL} and say so" in flat and f"until version {UNTIL} and say so" in " ".join(
         TEXTS["docs/reference/commands.md"].split()
     )
+
+
+def test_measures_say_which_key_each_printed_header_is() -> None:
+    section = TEXTS["docs/reference/measures.md"].split("## What tables print\n")[1].split("\n## ")[0]
+    explained = {name for line in section.splitlines() for name in re.findall("`([^`]+)`", line[1:].split("|")[0])}
+    source = Path(printing.__file__).read_text(encoding="utf-8")
+    tables = [call for call in ast.walk(ast.parse(source)) if isinstance(call, ast.Call) and _is_table(call)]
+    headers = {word.value for call in tables for word in ast.walk(call.args[1]) if isinstance(word, ast.Constant)}
+    assert len(tables) == 5 and {"pooled", "looks", "distance", "by board"} <= headers
+    assert headers | {name.strip() for name in printing.ACTIONS.values()} <= explained
+
+
+def _is_table(call: ast.Call) -> bool:
+    return isinstance(call.func, ast.Name) and call.func.id == "_table"
 
 
 def test_targets_that_contributors_are_told_exist() -> None:

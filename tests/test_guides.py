@@ -49,6 +49,7 @@ def _of_few(words: list[str]) -> list[str]:
         ("share-a-dataset", ["back/boards", "tables/graph.parquet"]),
         ("tasks", ["tasks/boards"]),
         ("scenes", ["stove/boards"]),
+        ("../extending/compare", ["judged/mine.json", "judged/planned/result.json", "report/report.html"]),
     ],
 )
 def test_commands_of_a_guide_run(guide: str, made: list[str], tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""From pixels to the board and back, for one static pinhole camera (paper section 3.1, appendix "Network detail")."""
+"""From pixels to the board and back, for one static pinhole camera (paper section 4.1, appendix "Network detail")."""
 
 import numpy as np
 

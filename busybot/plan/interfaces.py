@@ -1,4 +1,4 @@
-"""The interface of an agent: its inputs and its answers (paper section 3.3, protocol "Planning").
+"""The interface of an agent: its inputs and its answers (paper section 4.3, protocol "Planning").
 
 An agent gets a `TaskContext` before it starts and a `DecisionState` at every decision, and answers with an `Act` or a
 `Stop`. Nothing in them is the simulator's: no segmentation, no states, no relations (protocol "Who may read what").

@@ -1,4 +1,4 @@
-"""`busybot train reason`: learn which trigger controls what, from recorded episodes alone (paper section 3.2).
+"""`busybot train reason`: learn which trigger controls what, from recorded episodes alone (paper section 4.2).
 
 A training is a folder:
 

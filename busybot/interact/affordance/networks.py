@@ -1,6 +1,6 @@
 """The networks of both variants: where to act, and in which direction.
 
-Those of the `fast` variant do what the paper's do (section 3.1, appendix A.1) at a cost that a laptop's processor can
+Those of the `fast` variant do what the paper's do (section 4.1, appendix A.1) at a cost that a laptop's processor can
 train and run: the position network sees the whole picture at full resolution, but works at half of it; the direction
 network sees a crop around the position instead of the picture with a Gaussian at the position, because what moves how
 is a local question. A trained position network's size is that of its weights.

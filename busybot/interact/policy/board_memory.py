@@ -1,6 +1,6 @@
 """The policy's memory of one board: the links that it saw moving, what responded, and what failed where.
 
-The paper keeps a count of picks per window (UCB, section 3.1). Here what moved around a rewarded action becomes one
+The paper keeps a count of picks per window (UCB, section 4.1). Here what moved around a rewarded action becomes one
 link, so that neighbouring buttons stay apart, and a failure lowers the belief in what lies near it. An object that
 changed its looks while another one was acted on responds, so it is hardly a trigger: whoever learns causes tells a lamp
 from a lever by what switches it on. One of which a link moved is a trigger, and likely to have another.

@@ -1,6 +1,6 @@
 """From a look at a board to action candidates: where to act, in which direction, how likely it works, on which region.
 
-Paper section 3.1 takes the pixel with the highest affordance, section 3.2 the best position of each K-means cluster.
+Paper section 4.1 takes the pixel with the highest affordance, section 4.2 the best position of each K-means cluster.
 Here a candidate is a peak of the affordance, so that small and neighbouring links have candidates of their own;
 `PolicyConfig.candidates = "kmeans"` selects the paper's clusters. A direction is proposed with its opposite, so a pair
 works unless both fail: 1 - (1 - p)(1 - p_opposite).
@@ -210,7 +210,7 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
 
 
 def cluster_tops(affordance: np.ndarray, likely: np.ndarray, clusters: int) -> np.ndarray:
-    """The paper's candidate positions (section 3.2): the likely pixels grouped by K-means, the best of each cluster.
+    """The paper's candidate positions (section 4.2): the likely pixels grouped by K-means, the best of each cluster.
 
     Args:
         affordance: float (H, W).

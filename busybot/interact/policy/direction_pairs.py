@@ -1,4 +1,4 @@
-"""Direction pairs, their scores and probabilities, and pixels elevated enough to be held (paper section 3.1)."""
+"""Direction pairs, their scores and probabilities, and pixels elevated enough to be held (paper section 4.1)."""
 
 import numpy as np
 

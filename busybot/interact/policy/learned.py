@@ -1,4 +1,4 @@
-"""Policies that act on one board by a trained model (paper section 3.1, and section 3.2 "Data collection").
+"""Policies that act on one board by a trained model (paper section 4.1, and section 4.2 "Data collection").
 
 Modes of the learned policy:
 

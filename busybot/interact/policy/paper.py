@@ -1,4 +1,4 @@
-"""The paper's own policy on one board (paper sections 3.1 and 3.2, appendix A.1).
+"""The paper's own policy on one board (paper sections 4.1 and 4.2, appendix A.1).
 
 It takes the affordance with a bonus for new places, and epsilon; for data to reason from, a random one of the tops of
 its clusters. It remembers nothing but where it acted. What the paper leaves open:

@@ -124,7 +124,7 @@ class RecordConfig(FrozenModel):
         inputs: what the networks see: `depth`, or `rgb` for the row "RGB" of Table 1.
         responders, interaction, render: of the simulator, as in `busybot collect`. Without responders a trigger's own
             motion is all that earns a reward (row "w/o responder"); `interaction.reward=joints` is the oracle's.
-        group_size: boards that share one appearance. Reasoning wants 20 (paper section 3.2); here every board has its
+        group_size: boards that share one appearance. Reasoning wants 20 (paper section 4.2); here every board has its
             own, because where and how to act depends on nothing else.
         uniform: draw objects with equal probabilities instead of by their weights.
         images: encoding of recorded colours.

@@ -1,4 +1,4 @@
-"""Training by rounds (paper section 3.1): collect with the current policy, then train on what is on disk.
+"""Training by rounds (paper section 4.1): collect with the current policy, then train on what is on disk.
 
 A training is a folder:
 

@@ -1,4 +1,4 @@
-"""The paper's agents: relation, predictive and BusyBot (section 3.3, appendix "Planning module"), and two trivial ones.
+"""The paper's agents: relation, predictive and BusyBot (section 4.3, appendix "Planning module"), and two trivial ones.
 
 - `noop` and `random`: what doing nothing and acting at random come to.
 - `relation`: for each responder that differs between the initial and the goal picture, one action on the trigger that
@@ -56,14 +56,14 @@ class RandomAgent:
 
 
 def promising(candidates: tuple[Contact, ...]) -> tuple[Contact, ...]:
-    """What paper section 3.2 calls action candidates: links that were seen moving, and likely new ones."""
+    """What paper section 4.2 calls action candidates: links that were seen moving, and likely new ones."""
     promise = [1.0 if contact.region > 0 else contact.score for contact in candidates]
     least = min(PROMISING, max(promise, default=0))
     return tuple(contact for contact, worth in zip(candidates, promise, strict=True) if worth >= least)
 
 
 class RelationAgent:
-    """Paper section 3.3, option 1."""
+    """Paper section 4.3, option 1."""
 
     name = "relation"
 
@@ -91,7 +91,7 @@ class RelationAgent:
 
 
 class PredictiveAgent:
-    """Paper section 3.3, option 2."""
+    """Paper section 4.3, option 2."""
 
     name = "predictive"
     nothing = NO_CANDIDATE
@@ -124,7 +124,7 @@ class PredictiveAgent:
 
 
 class BusyBotAgent(PredictiveAgent):
-    """Paper section 3.3, option 3."""
+    """Paper section 4.3, option 3."""
 
     name = "busybot"
     nothing = "no candidate is on a trigger that is known to control what differs"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from busybot.reason.inputs.trigger_links import ObservedLinks
 
 CHANNELS = 256
-"""Numbers per object and frame (paper section 3.2)."""
+"""Numbers per object and frame (paper section 4.2)."""
 Made = TypeVar("Made")
 
 

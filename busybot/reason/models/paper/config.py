@@ -1,4 +1,4 @@
-"""Parameters of the `paper` model of relations; the defaults are the paper's (section 3.2 and appendix A.1).
+"""Parameters of the `paper` model of relations; the defaults are the paper's (section 4.2 and appendix A.1).
 
 What the paper leaves open, and what is chosen here. The paper builds on V-CDN; where its text is silent, the choice
 follows V-CDN (docs/reference/departures.md has what the authors' program is known to do):

@@ -1,4 +1,4 @@
-"""Trains the `paper` model: one iteration, the schedule of all, and judgements (paper section 3.2, appendix A.1).
+"""Trains the `paper` model: one iteration, the schedule of all, and judgements (paper section 4.2, appendix A.1).
 
 Inference and dynamics networks are trained together on the mean squared error of the features after each of the steps
 that follow the observed frames; every step starts from its true features, or, as an option, from those predicted before

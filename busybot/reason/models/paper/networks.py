@@ -1,4 +1,4 @@
-"""The `paper` model of relations: its networks and the trained reasoner (paper section 3.2, appendix A.1).
+"""The `paper` model of relations: its networks and the trained reasoner (paper section 4.2, appendix A.1).
 
 Inference, from the first frames and the actions between them:
 

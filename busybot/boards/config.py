@@ -11,7 +11,9 @@ from busybot.boards.worlds import BUILT, NOVEL, REAL_BOARD, world_named
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 
-Count = Annotated[int, Field(ge=0, le=32)]
+MOST = 32
+"""Of anything that is counted on a board."""
+Count = Annotated[int, Field(ge=0, le=MOST)]
 Range = tuple[Count, Count]
 
 
@@ -55,7 +57,7 @@ class BoardConfig(FrozenModel):
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
         max_objects: more are never placed.
         boards: how many; 50 by default with tasks, 6 in worlds with objects of their own.
-        group_size: consecutive boards that share their appearance and differ in their relations (paper section 3.2);
+        group_size: consecutive boards that share their appearance and differ in their relations (paper section 4.2);
             1 by default with tasks, so that every task has its own board.
         uniform: draw every instance with the same probability instead of by the library's weights.
         include: keys of objects that stand on every board.
@@ -64,7 +66,7 @@ class BoardConfig(FrozenModel):
     """
 
     split: Literal["train", "novel-config", "novel-object", "novel-mechanism"] = "train"
-    world: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")] = PAPER
+    world: Annotated[str, Field(max_length=64)] = PAPER
     boards: Annotated[int, Field(ge=1, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     tasks: Literal["one-to-one", "one-to-many", "reach"] | None = None
@@ -138,6 +140,9 @@ class BoardConfig(FrozenModel):
             paper = self.world == PAPER or not world_named(self.world, self.split == NOVEL)
         except BusybotError as error:
             raise ValueError(f"{error.what}; {error.hint}") from None
+        if not paper and self.tasks not in (None, "reach"):
+            hint = "leave tasks out" if self.world == REAL_BOARD else "it has --tasks reach"
+            raise ValueError(f"the world {self.world!r} has no tasks {self.tasks!r}; {hint}")
         if self.world in BUILT:
             fields = type(self).model_fields
             free = {"split", "world", "boards", "seed", "group_size"}
@@ -151,9 +156,8 @@ class BoardConfig(FrozenModel):
         if self.links and not paper and self.links[0] <= self.links[1] < self.least_links:
             what = f"{self.depth[0]} locks behind each other need {self.least_links} links"
             raise ValueError(f"{what}, at most {self.links[1]} allowed: give --links {self.least_links}-12")
-        if not paper and (self.relations != "any" or self.tasks not in (None, "reach")):
-            what = "kinds of relations" if self.relations != "any" else f"tasks {self.tasks!r}"
-            raise ValueError(f"the world {self.world!r} has no {what}; it has --tasks reach")
+        if not paper and self.relations != "any":
+            raise ValueError(f"the world {self.world!r} has no kinds of relations; leave relations out")
 
 
 def _room_for(least: int, most: int) -> dict[str, Any]:

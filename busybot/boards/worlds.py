@@ -12,6 +12,7 @@ hold out (`Mechanism.draw`).
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import accumulate, product
 from typing import Annotated
 
@@ -19,10 +20,11 @@ import numpy as np
 from pydantic import Field
 
 from busybot.boards.dynamics import STAGES, Dynamics, Links
-from busybot.boards.mechanisms import Mechanism, available, mechanism_of
+from busybot.boards.mechanisms import OWN, Mechanism, kind_named, mechanism_of
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.scenes import SCENES
 from busybot.boards.spec import BODY, PAPER, WORLDS_VERSION, BoardSpec, LinkRef, Lock, Relation, Rewiring
+from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
@@ -131,10 +133,17 @@ def world_named(name: str, novel: bool = False) -> World:
     """
     if name in WORLDS or (name in BUILT and not novel):
         return (WORLDS | BUILT)[name]
-    kind = available().get(name)
+    if name in BUILT:
+        other = f"leave --split {NOVEL} out, or choose another world: {', '.join(WORLDS)}"
+        raise BusybotError(f"the world {name!r} has no split {NOVEL!r}", other)
+    kind = kind_named(name)
     if kind is None:
-        known = ", ".join([PAPER, *WORLDS, *BUILT])
-        raise BusybotError(f"there is no world {name!r}", f"choose from {known}, or the name of a mechanism")
+        known = [PAPER, *WORLDS, *BUILT]
+        near = get_close_matches(name.casefold(), [*known, *_alone()], 1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        raise BusybotError(
+            f"there is no world {name!r}", f"{meant}choose from {', '.join(known)}, or the name of a mechanism"
+        )
     if not kind.arity[1]:
         raise BusybotError(f"no link drives the mechanism {name!r}", "choose a world that has it: chance or mixed")
     least, most = kind.arity
@@ -144,6 +153,11 @@ def world_named(name: str, novel: bool = False) -> World:
         other = f"leave --split {NOVEL} out" if novel else f"give --split {NOVEL}"
         raise BusybotError(f"{split} {'no' if novel else 'the'} mechanism {name!r}", other)
     return World(about=f"{name} alone", kinds={name: 1.0}, two=float(counts[0] > 1))
+
+
+def _alone() -> list[str]:
+    """Mechanisms whose names are worlds; packages are not loaded for their names."""
+    return [*(name for name, kind in OWN.items() if kind.arity[1]), *plugins.names("mechanisms")]
 
 
 def _is_drawn(kind: type[Mechanism], inputs: int, novel: bool) -> bool:
@@ -309,7 +323,7 @@ class _Draw:
     def _clocked(self, single: list[int]) -> Iterator[Relation]:
         count = int(self.rng.integers(*CLOCKED, endpoint=True))
         chosen = self.rng.choice(single, count, replace=False)
-        drawn = [available()["clock"].draw((), 2, self.novel, self.rng) for _ in chosen]
+        drawn = [OWN["clock"].draw((), 2, self.novel, self.rng) for _ in chosen]
         for responder, mechanism in zip(chosen, drawn, strict=True):
             assert mechanism is not None and drawn[0] is not None
             shared = mechanism.model_copy(update={"probability": drawn[0].parameters()["probability"]})
@@ -318,7 +332,7 @@ class _Draw:
     def _spontaneous(self, responder: int) -> Relation | None:
         if not self.world.flickers or self.rng.random() >= self.world.flickers or not self._stages(responder)[0]:
             return None
-        mechanism = available()["flicker"].draw((), 2, self.novel, self.rng)
+        mechanism = OWN["flicker"].draw((), 2, self.novel, self.rng)
         return _relation(mechanism, (), responder, "single") if mechanism else None
 
     def _following(self, responder: int, found: dict[int, Relation]) -> Relation | None:
@@ -333,7 +347,7 @@ class _Draw:
             second = self.novel or self.rng.random() < self.world.two
             numbers = self._inputs(1) if second else []
             sizes = (2, *(self.links.sizes[n] for n in numbers))
-            mechanism = available()["gate" if second else DIRECT].draw(sizes, 2, self.novel, self.rng)
+            mechanism = OWN["gate" if second else DIRECT].draw(sizes, 2, self.novel, self.rng)
             if mechanism is not None:
                 self.used.update(numbers)
                 references = (source, *map(self._reference, numbers))
@@ -343,7 +357,8 @@ class _Draw:
     def _driven(self, responder: int, stage: str | None = None) -> Relation | None:
         """What trigger links drive; None if no kind of the world fits the responder."""
         for _ in range(MECHANISM_TRIES):
-            kind = available()[self.names[bisect_left(self.shares, self.rng.random())]]
+            kind = kind_named(self.names[bisect_left(self.shares, self.rng.random())])
+            assert kind is not None
             if kind.arity[0] > len(self.active):
                 continue
             numbers = self._inputs(self._count(kind))
@@ -422,7 +437,7 @@ class _Draw:
 def _paper_kind(mechanism: Mechanism) -> Mechanism:
     """Under the paper's name for a link with three states."""
     if mechanism.kind == DIRECT and mechanism.sizes == (3,):
-        return available()["one-to-many-effects"].model_validate(dict(mechanism))
+        return OWN["one-to-many-effects"].model_validate(dict(mechanism))
     return mechanism
 
 

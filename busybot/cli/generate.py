@@ -1,7 +1,7 @@
 """`busybot generate OUT`: a dataset of boards, without a simulator."""
 
+import re
 from pathlib import Path
-from shlex import quote
 from typing import Annotated, Any, Literal
 
 import typer
@@ -54,14 +54,16 @@ def generate(
 ) -> None:
     """Draw boards: objects, places, colours and hidden relations.
 
-    What the same command made before is left alone. With more --boards the dataset grows: the rest is drawn, and its
-    episodes stay.
+    What the same command made before is left alone, with as many boards. With more --boards the dataset grows: the
+    rest is drawn, and its episodes stay.
     """
     from busybot.boards.config import BoardConfig
     from busybot.boards.generate import REASONS, Redraws
     from busybot.boards.spec import PAPER
     from busybot.common.config import build
     from busybot.datasets.create import create_dataset
+    from busybot.datasets.dataset import INFO_FILE, Dataset
+    from busybot.datasets.info import collect_command
     from busybot.objects.resolve import find
 
     options: dict[str, Any] = {
@@ -73,7 +75,8 @@ def generate(
     }
     options |= {"world": world, "links": _range(links), "seed": seed, "uniform": uniform or None}
     options |= {"include": include or None, "only": only or None}
-    parameters = build(BoardConfig, config, set_ or [], options)
+    usual = {"boards": Dataset.open(out).info.boards} if (out / INFO_FILE).is_file() else None
+    parameters = build(BoardConfig, config, set_ or [], options, usual)
     redraws = Redraws()
     library = find(assets)
     with episode_progress("drawing") as progress:
@@ -87,20 +90,23 @@ def generate(
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
         made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}{where}) in {out}"
         say(f"{made}; {redraws.total()} draws did not fit and were redrawn")
-        say(f"next: {own_name()} collect {quote(str(out))}")
+        say(f"next: {collect_command(out, dataset.info, own_name())}")
 
 
 def _range(given: str | None) -> tuple[int, int] | None:
     """Least and most, of `3-6` or `4`.
 
     Raises:
-        UsageError: it is neither.
+        UsageError: it is neither, the wrong way round, or beyond what a board may have.
     """
     if given is None:
         return None
+    from busybot.boards.config import MOST
     from busybot.common.errors import UsageError
 
-    least, _, most = given.partition("-")
-    if not (least.isdecimal() and (most or least).isdecimal()):
-        raise UsageError(f"--links {given!r} is no range", "give the least and the most number, as 3-6")
-    return int(least), int(most or least)
+    found = re.fullmatch(r"([0-9]{1,2})(?:-([0-9]{1,2}))?", given)
+    least, most = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
+    if not least <= most <= MOST:
+        hint = f"give the least and the most number of trigger links on a board, at most {MOST}, as 3-6"
+        raise UsageError(f"--links {given[:40]!r} is no range", hint)
+    return least, most

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import console, counted, episode_progress, print_json, processes, tell
+from busybot.cli.common import console, counted, episode_progress, print_json, processes, tell, warn
 from busybot.cli.options import AssetsOption, JsonOption, SeedOption, WorkersOption
 
 MOST_NOTES = 5
@@ -45,6 +45,16 @@ def play(
         print_json(result)
     else:
         _show(result)
+    if _is_silent(result["cause_boards"]):
+        what = f"error: the program gave no answer on any board: {', '.join(result['ends'])}"
+        warn(f"{what}\n  hint: try its command by itself: {agent}")
+        raise typer.Exit(1)
+
+
+def _is_silent(boards: list[dict[str, Any]]) -> bool:
+    """Whether nothing came from the program, not even what had to be refused: the figures are about nobody."""
+    answered = (one["end"] == "knows" or one["actions"] or one["refused"] for one in boards)
+    return bool(boards) and not any(answered)
 
 
 def _show(result: dict[str, Any]) -> None:

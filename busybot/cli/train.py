@@ -126,6 +126,7 @@ def reason(
     parameters = build(CONFIGS[variant], config, set_ or [], {"encoder": encoder})
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
+    _tell_held_out(trained.training, parameters.loop.held_out)
     _tell(json, out, "reason", trained.training)
 
 
@@ -133,6 +134,15 @@ def _tell(json: bool, out: Path, skill: str, training: Any) -> None:
     facts = {"out": out, "model": out / "model", "training": training}
     hint = f"next: busybot eval {skill} DATASET --{'reasoner' if skill == 'reason' else 'model'} {out}"
     answer(json, facts, f"the model is in {out / 'model'}", hint)
+
+
+def _tell_held_out(training: dict[str, Any], share: float) -> None:
+    """Say so where boards were to be held out and none were."""
+    if share and training.get("boards_held_out") == 0:
+        say(
+            "nothing was held out to judge the training by: all boards look alike, they are one appearance group; "
+            "for more of these, busybot generate with more --boards than --group-size"
+        )
 
 
 def _planner(agent: str, about: str) -> Callable[..., None]:
@@ -171,6 +181,7 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
         source = PracticeSource(tuple(data), policy_model or DEFAULT_MODEL, assets, explored)
         with kept_in(out):
             info, budget = train_policy(out, built, source, seed, processes(workers), episode_progress)
+        _tell_held_out(info.training, built.loop.held_out)
         minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
         answer(
             json,

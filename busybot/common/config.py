@@ -123,7 +123,7 @@ def _explained(model: type[BaseModel], first: Any, options: dict[str, Any]) -> t
     if isinstance(default, BaseModel):
         return what, _known(type(default))
     shown = list(default) if isinstance(default, tuple) else default
-    return what, f"the default is {shown}"
+    return what, "leave it out, it has no default" if default is None else f"the default is {shown}"
 
 
 def _defaults_of(model: type[BaseModel], message: str) -> str:

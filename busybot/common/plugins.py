@@ -1,5 +1,5 @@
 """What installed packages bring: entry points of the groups `busybot.mechanisms`, `encoders`, `reasoners`, `agents` and
-`objects` (docs/extending/template). A package is loaded when it is named, mechanisms when any board is looked at.
+`objects` (docs/extending/template). A package is loaded when it is named, mechanisms also when all are listed.
 """
 
 from functools import cache
@@ -36,7 +36,9 @@ def load(kind: Kind, name: str) -> Any:
 
 def where(kind: Kind, name: str) -> str:
     """What a package's entry point is called in messages."""
-    return f"entry point {_points(kind)[name][0].value!r} of the group busybot.{kind}"
+    point = _points(kind)[name][0]
+    package = f" (package {point.dist.name})" if point.dist else ""
+    return f"entry point {point.value!r} of the group busybot.{kind}{package}"
 
 
 def make(kind: Kind, name: str, *arguments: Any) -> Any:

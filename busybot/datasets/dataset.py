@@ -207,7 +207,8 @@ class Dataset:
         lines = read_regular(file, MAX_LINES_BYTES, HINT_GENERATE).splitlines()
         expected = min(BOARDS_PER_SHARD, self.info.boards - shard * BOARDS_PER_SHARD)
         if len(lines) != expected:
-            raise BusybotError(f"{file}: {len(lines)} boards, expected {expected}", HINT_GENERATE)
+            what = f"{file}: it should have {expected} lines, one for each board, and has {len(lines)}"
+            raise BusybotError(what, HINT_GENERATE)
         return lines
 
     def board_place(self, index: int) -> str:

@@ -93,14 +93,18 @@ class DatasetInfo(FrozenModel):
         return kind if isinstance(kind, str) else None
 
 
-def collect_command(path: Path, info: DatasetInfo) -> str:
-    """The command that records the missing episodes with the recorded settings.
+def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> str:
+    """The command that records the missing episodes with the recorded settings; where nothing is recorded, by a policy
+    that moves something, which is the default with tasks alone.
 
     A learned model is recorded by its fingerprint, not by name: `--model` and `--reasoner` are left to the user.
+
+    Args:
+        program: how it is called.
     """
-    command, collect = f"busybot collect {shlex.quote(str(path))}", info.collect
+    command, collect = f"{program} collect {shlex.quote(str(path))}", info.collect
     if collect is None:
-        return command
+        return command if info.tasks else f"{command} --policy learned"
     if collect.policy not in ("random", "learned", "curious", "scripted"):
         return f"repeat the command that began {shlex.quote(str(path))}; its policy was {collect.policy!r}"
     command += f" --steps {collect.steps} --policy {collect.policy}"

@@ -5,10 +5,11 @@ from typing import Any
 
 import pyarrow.compute as pc
 
+from busybot.boards.spec import PAPER
 from busybot.common.errors import BusybotError
 from busybot.common.remote import is_remote
 from busybot.datasets.dataset import HASHED, Dataset
-from busybot.datasets.info import collect_command
+from busybot.datasets.info import IMPORTED, collect_command
 from busybot.datasets.manifest import is_frozen
 
 _COLUMNS = [*HASHED, "steps", "bytes", "oracle", "images", "truth", "successes"]
@@ -17,6 +18,7 @@ _COLUMNS = [*HASHED, "steps", "bytes", "oracle", "images", "truth", "successes"]
 def summarise(path: Path) -> dict[str, Any]:
     """Counts, hashes and origin of the dataset; JSON values.
 
+    `world` is null of imported boards, `links` (least and most number of trigger links) where any number was right;
     `episodes` counts finished ones, `bytes` their files, `success_share` is successes per proposed action (null where
     no truth was recorded), `images_per_episode` counts stored images. Of a dataset at an address the hashes are None:
     its recordings' checksums are not compared there.
@@ -35,6 +37,8 @@ def summarise(path: Path) -> dict[str, Any]:
         "frozen": is_frozen(path),
         "boards": info.boards,
         "tasks": info.tasks,
+        "world": None if info.generator.version == IMPORTED else info.generator.config.get("world", PAPER),
+        "links": info.generator.config.get("links"),
         "episodes": rows.num_rows,
         "steps": _total(rows["steps"]),
         "bytes": _total(rows["bytes"]),
@@ -52,6 +56,12 @@ def summarise(path: Path) -> dict[str, Any]:
         "assets": f"{info.assets.source}: {info.assets.name} ({len(info.assets.sha256)} objects)",
         "generator": info.generator.version,
     }
+
+
+def nothing_moved(dataset: Dataset) -> bool:
+    """Whether every recorded action is known to have moved no trigger link, so that nothing shows who controls what."""
+    rows = dataset.episodes_table(columns=["steps", "truth", "successes"])
+    return _total(rows["steps"]) > 0 and all(rows["truth"].to_pylist()) and not _total(rows["successes"])
 
 
 def origin_of(dataset: Dataset) -> dict[str, Any]:

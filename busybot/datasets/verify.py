@@ -13,7 +13,7 @@ from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import CollectInfo
+from busybot.datasets.info import CollectInfo, collect_command
 from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
 from busybot.episodes.episode import ENDED, SALVAGED
 from busybot.episodes.schema import TABLES
@@ -113,8 +113,8 @@ def _objects(dataset: Dataset, assets: str | None) -> tuple[int | None, list[Pro
     except BusybotError as error:
         if assets is None and not (dataset.path / OBJECTS_FOLDER).exists():
             return None, []
-        place = assets or str(dataset.path / OBJECTS_FOLDER)
-        return None, [Problem(place, error.what, error.hint or HINT_FETCH)]
+        place = Path(assets) if assets else dataset.path / OBJECTS_FOLDER
+        return None, [_problem_in(place, error, HINT_FETCH)]
     return len(recorded), []
 
 
@@ -165,13 +165,23 @@ def _boards(dataset: Dataset) -> tuple[dict[int, str], list[Problem]]:
                 what += f"the dataset {info.seed} and {info.split!r}"
                 problems.append(Problem(str(dataset.path / "boards"), what, HINT_GENERATE))
     except BusybotError as error:
-        return {}, [Problem(str(dataset.path / "boards"), error.what, error.hint or HINT_GENERATE)]
+        return {}, [_problem_in(dataset.path / "boards", error, HINT_GENERATE)]
     return digests, problems
+
+
+def _problem_in(folder: Path, error: BusybotError, hint: str) -> Problem:
+    """What an error says of a folder, or of the file in it that it names first."""
+    what = without_name(error, folder)
+    file, separator, fault = what.partition(": ")
+    if separator and Path(file).is_relative_to(folder):
+        return Problem(file, fault, error.hint or hint)
+    return Problem(str(folder), what, error.hint or hint)
 
 
 def _episodes(dataset: Dataset, digests: dict[int, str], workers: int, progress: Progress | None) -> Iterator[Problem]:
     """Read every episode, and compare the tables with what they should hold, one shard after the other."""
     finished, done = dataset.finished_by_shard(), 0
+    again = HINT_FETCH if is_frozen(dataset.path) else collect_command(dataset.path, dataset.info)
     tasks = [(index, digests.get(index)) for indices in finished.values() for index in indices]
     checked = share(partial(_check_episode, Dataset(dataset.path, dataset.info)), tasks, workers)
     for shard in sorted(finished.keys() | {shard for name in TABLES for shard in dataset.stored_shards(name)}):
@@ -184,7 +194,7 @@ def _episodes(dataset: Dataset, digests: dict[int, str], workers: int, progress:
             done += 1
             if progress is not None:
                 progress(done, len(tasks))
-        yield from _tables(dataset, shard, rows, set(files))
+        yield from _tables(dataset, shard, rows, set(files), again)
 
 
 def _check_episode(dataset: Dataset, task: tuple[int, str | None]) -> tuple[Rows | None, list[str]]:
@@ -243,8 +253,14 @@ def is_partial(settings: str) -> bool:
     return isinstance(json.loads(settings).get(SALVAGED), dict)
 
 
-def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: set[int]) -> Iterator[Problem]:
-    """Compare the stored rows of a shard with those that its episodes give now."""
+def _tables(
+    dataset: Dataset, shard: int, derived: dict[int, Rows], finished: set[int], again: str
+) -> Iterator[Problem]:
+    """Compare the stored rows of a shard with those that its episodes give now.
+
+    Args:
+        again: how an episode comes back that is not there.
+    """
     for name in TABLES:
         path = dataset.table_path(name, shard)
         if not path.exists():
@@ -257,7 +273,7 @@ def _tables(dataset: Dataset, shard: int, derived: dict[int, Rows], finished: se
             continue
         for index in sorted(finished | set(stored)):
             if index not in finished:
-                yield Problem(str(path), f"holds episode {index}, which is not there", HINT_TABLES)
+                yield Problem(str(path), f"holds episode {index}, which is not there", again)
             elif index in derived:
                 fault = _difference(derived[index], stored, name, index)
                 if fault:

@@ -214,6 +214,18 @@ def _difference_interval(more: np.ndarray, chosen: np.ndarray) -> Interval:
     return percentile_interval(more[chosen].mean(1)) if len(more) else None
 
 
+def _success_interval(success: np.ndarray, chosen: np.ndarray) -> Interval:
+    """Of mean success over tasks. Where all have the same, a bootstrap would see no other ever: by the exact bound on
+    the share of tasks that may have another, which of 0 and 1 gives the exact binomial bounds."""
+    if not len(success):
+        return None
+    if 0 < success[0] < 1 and (success == success[0]).all():
+        _, most = binomial_interval(0, len(success)) or (0.0, 1.0)
+        least = float(success[0]) * (1 - most)
+        return least, least + most
+    return interval_over_boards(success, np.ones(len(success)), chosen)
+
+
 def timing(tasks: Sequence[JudgedTask], agents: Sequence[str]) -> dict[str, Any]:
     """Processor milliseconds per decision, by agent; apart from the metrics because it differs from run to run."""
     found = {}
@@ -240,7 +252,7 @@ def _row(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], chosen:
     steps = sum(one.steps for one in rollouts)
     return {
         "success": _mean(success),
-        "interval": interval_over_boards(success, np.ones(len(success)), chosen) if len(success) else None,
+        "interval": _success_interval(success, chosen),
         "micro": _mean([one.reached for one in responders]),
         "by_features": _mean([share for share in looks if share is not None]),
         "asked": _mean([one.reached for one in responders if one.asked]),

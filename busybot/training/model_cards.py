@@ -19,7 +19,9 @@ WEIGHTS_FILE = "weights.safetensors"
 PACKAGE = Path(__file__).parents[1]
 SHIPPED = {skill: PACKAGE / "pretrained" / skill for skill in ("interact", "reason")}
 """Where the package has the models that can be called by their names, by skill."""
-CALLED = {"interact": "an interaction model", "reason": "a model of relations"}
+CALLED = {"interact": "an interaction model", "reason": "a model of relations", "plan": "a policy that plans"}
+SKILL_OF = {"variant": "interact", "model": "reason", "agent": "plan"}
+"""Skill by the key with which a card tells the kind of its networks."""
 
 Info = TypeVar("Info", bound=BaseModel)
 
@@ -118,10 +120,23 @@ def _refuse_other(name: str, skills: tuple[str, ...], named: list[str]) -> None:
 
 def read_info(folder: Path, kind: type[Info]) -> Info:
     """What `model.json` says; errors name the file and the place."""
+    values = read_json(folder / INFO_FILE)
     try:
-        return kind.model_validate(read_json(folder / INFO_FILE))
+        return kind.model_validate(values)
     except ValidationError as error:
+        _refuse_other_skill(folder, values, kind)
         raise BusybotError(f"{folder / INFO_FILE}: {first_fault(error)}", "train the model again") from None
+
+
+def _refuse_other_skill(folder: Path, values: Any, kind: type[BaseModel]) -> None:
+    """Say so if a card is of another skill than is needed: its faults are none."""
+    told = [skill for key, skill in SKILL_OF.items() if isinstance(values, dict) and key in values]
+    needed = [skill for key, skill in SKILL_OF.items() if key in kind.model_fields]
+    if told and len(needed) == 1 and needed[0] not in told:
+        raise BusybotError(
+            f"{folder} is {CALLED[told[0]]}; here {CALLED[needed[0]]} is needed",
+            "name a folder of one; `busybot models list` shows the shipped ones",
+        )
 
 
 def check_weights(file: Path, card: ModelCard) -> None:

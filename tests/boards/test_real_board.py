@@ -43,5 +43,5 @@ def test_what_its_boards_do_not_have_is_refused(given: dict[str, object]) -> Non
         return
     with pytest.raises(ValidationError, match="boards of its own"):
         drawn(**given)
-    with pytest.raises(ValidationError, match="no world 'real-board'"):
+    with pytest.raises(ValidationError, match="the world 'real-board' has no split 'novel-mechanism'"):
         drawn(split="novel-mechanism")

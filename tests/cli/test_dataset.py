@@ -31,6 +31,7 @@ def test_info_prints_one_object_with_counts_and_hashes(dataset: Path) -> None:
         assert len(summary[key]) == 64
     assert (summary["split"], summary["policy"], summary["delta"]) == ("train", "random", 20)
     assert summary["success_share"] == pytest.approx(12 / 18)
+    assert summary["world"] == "paper" and summary["links"] is None
 
 
 def test_the_tiny_dataset_comes_with_the_package(tmp_path: Path) -> None:
@@ -47,6 +48,14 @@ def test_info_for_people_names_the_same_things(dataset: Path) -> None:
     assert result.exit_code == 0
     for text in ("boards", "66.7%", "procedural: p (5 objects)", "random"):
         assert text in result.stdout
+
+
+def test_info_names_the_world_and_its_links(tmp_path: Path) -> None:
+    drawn = ("generate", str(tmp_path / "d"), "--world", "gates", "--boards", "1", "--links", "3-5")
+    assert CliRunner().invoke(app, drawn).exit_code == 0
+    summary = json.loads(run("info", tmp_path / "d", "--json").stdout)
+    assert summary["world"] == "gates" and summary["links"] == [3, 5]
+    assert "gates" in run("info", tmp_path / "d").stdout and "3-5" in run("info", tmp_path / "d").stdout
 
 
 def test_info_leaves_the_dataset_as_it_is(dataset: Path) -> None:

@@ -39,6 +39,11 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
     assert "3. " in told and "everything looks as in the goal" in told
     two = report.split("## It takes two")[1].split("## ")[0]
     assert re.search(r"shows look \d only while .* is moved and .* is", two), "the gate of two switches, in words"
+    rows = [line.split(" | ") for line in two.splitlines() if line.startswith("| ") and "|---" not in line]
+    assert all(row[-1].rstrip(" |") in ("verdict", "right") for row in rows) and len(rows) > 3, rows
+    said, true = (set(re.findall(r"switch \d+ link\\_\d", " ".join(row[k] for row in rows[1:]))) for k in (1, 2))
+    assert said and said <= true, "links have the same names in both columns"
+    assert "collect more --policy learned" in report
     harder = report.split("## Where counting is not enough")[1].split("## ")[0]
     assert harder.count("\n- **") >= 5 and "mixed.png" in harder, "the mechanisms of a board of `mixed`, in words"
     assert (out / "tables" / "graph.parquet").is_file(), "as tables, too"

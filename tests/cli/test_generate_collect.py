@@ -110,8 +110,15 @@ def test_a_world_is_generated_collected_replayed_and_verified(tmp_path: Path) ->
         (("--world", "lock", "--set", "depth=[7,8]"), "give --links 8-12"),
         (("--world", "gates", "--links", "many"), "--links 'many' is no range"),
         (("--world", "gates", "--links", "-3"), "--links '-3' is no range"),
-        (("--world", "gates", "--links", "6-3"), "links: the range 6..3 is empty"),
-        (("--world", "gates", "--links", "3-99"), "links"),
+        (("--world", "gates", "--links", "6-3"), "--links '6-3' is no range"),
+        (("--world", "gates", "--links", "40-60"), "number of trigger links on a board, at most 32, as 3-6"),
+        (("--world", "gates", "--set", "links=[6,3]"), "links: the range 6..3 is empty"),
+        (("--world", "Gates"), "did you mean gates? choose from paper"),
+        (("--world", "gaets"), "did you mean gates? choose from paper"),
+        (("--world", "kitchn"), "did you mean kitchen? choose from paper"),
+        (("--world", "room", "--split", "novel-mechanism"), "the world 'room' has no split 'novel-mechanism'"),
+        (("--world", "kitchen", "--tasks", "one-to-one"), "it has --tasks reach"),
+        (("--world", "real-board", "--tasks", "reach"), "the world 'real-board' has"),
     ],
 )
 def test_worlds_and_links_that_there_are_not_are_told(tmp_path: Path, arguments: tuple[str, ...], message: str) -> None:
@@ -189,6 +196,18 @@ def test_what_is_wrong_in_a_file_is_no_wrong_usage(tmp_path: Path) -> None:
     file.write_text("lamps: [3, 4]")
     mixed = busybot("generate", out, "--config", file, "--set", "boards=0")
     assert mixed.returncode == 2 and "parameter boards" in mixed.stderr and not out.exists()
+
+
+def test_the_next_command_moves_something_and_a_dataset_keeps_its_number(tmp_path: Path) -> None:
+    out = tmp_path / "data"
+    made = busybot("generate", out, "--boards", "3", "--group-size", "1")
+    assert f"next: busybot collect {out} --policy learned\n" in made.stderr
+    again = busybot("generate", out, "--group-size", "1", "--json")
+    assert again.returncode == 0 and json.loads(again.stdout)["boards"] == 3
+    grown = busybot("generate", out, "--group-size", "1", "--set", "boards=4", "--json")
+    assert json.loads(grown.stdout)["boards"] == 4
+    tasks = busybot("generate", tmp_path / "tasks", "--tasks", "one-to-one", "--boards", "1")
+    assert f"next: busybot collect {tmp_path / 'tasks'}\n" in tasks.stderr, "with tasks it is learned already"
 
 
 def test_wrong_usage_exits_with_2() -> None:

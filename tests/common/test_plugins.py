@@ -1,6 +1,6 @@
 """What packages bring by entry points is found by its name, and blamed by it."""
 
-from importlib.metadata import EntryPoint
+from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +78,14 @@ def test_whoever_fails_is_named(registered: list[EntryPoint]) -> None:
             reasoner_of(name)
         assert error.value.hint
     assert plugins.names("reasoners") == ["absent", "broken", "twice"]
+
+
+def test_an_installed_package_is_named(registered: list[EntryPoint], tmp_path: Path) -> None:
+    folder = tmp_path / "strangers_switches-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers-switches\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text("[busybot.reasoners]\nabsent = no_such_module:Absent\n")
+    registered += Distribution.at(folder).entry_points
+    with pytest.raises(BusybotError, match=r"cannot be loaded") as error:
+        reasoner_of("absent")
+    assert "(package strangers-switches)" in error.value.what

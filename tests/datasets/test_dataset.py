@@ -92,7 +92,7 @@ def test_damaged_boards_are_named_with_their_line(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="boards-00000.jsonl: line 2"):
         dataset.boards()
     file.write_text("\n".join(lines[:2]))
-    with pytest.raises(BusybotError, match="2 boards, expected 4"):
+    with pytest.raises(BusybotError, match="it should have 4 lines, one for each board, and has 2"):
         dataset.board(0)
 
 

@@ -364,6 +364,31 @@ def test_the_command(tmp_path: Path) -> None:
     assert "-> lamp" in (tmp_path / "graphs" / "000000.txt").read_text()
 
 
+@pytest.mark.parametrize(
+    ("table", "values", "fault"),
+    [
+        ("actions.csv", {"u": "9999"}, "outside of pictures"),
+        ("objects.csv", {"u0": "10", "v0": "10", "u1": "5", "v1": "5"}, "is empty, or outside of pictures"),
+        ("objects.csv", {"u0": "10", "v0": "10", "u1": "9999", "v1": "20"}, "is empty, or outside of pictures"),
+        ("IMG_0001.png", {}, "IMG_0001.png"),
+    ],
+)
+def test_a_dry_run_refuses_what_the_import_refuses(
+    table: str, values: dict[str, str], fault: str, tmp_path: Path
+) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0, steps=3))
+    assert busybot("dataset", "import", folder, "--dry-run").returncode == 0
+    if values:
+        first, *others = read_rows(folder / table)
+        write_table(folder / table, [first | values, *others])
+    else:
+        (folder / table).write_bytes((folder / table).read_bytes()[:100])
+    dry = busybot("dataset", "import", folder, "--dry-run")
+    done = busybot("dataset", "import", folder, "--out", tmp_path / "made")
+    assert dry.returncode == done.returncode == 1 and fault in dry.stderr and "hint:" in dry.stderr
+    assert not (tmp_path / "made").exists()
+
+
 @pytest.mark.parametrize("name", ["frames.csv", "objects.csv", "relations.csv", "camera.json"])
 def test_a_link_that_leads_nowhere_is_not_passed_over(name: str, tmp_path: Path) -> None:
     folder = write_camera_folder(tmp_path / "table", make_episode(0, steps=3), camera=True, times=True)

@@ -204,3 +204,12 @@ def test_the_command(tmp_path: Path) -> None:
     assert again.returncode == 1 and "not an empty folder" in again.stderr
     none = busybot("dataset", "import", tmp_path / "data", "--out", tmp_path / "x")
     assert none.returncode == 1 and "episodes/000000" in none.stderr
+
+
+def test_a_dry_run_of_an_export_reads_its_pictures(tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "d", boards=1, finished=[0]), "images", tmp_path / "images")
+    assert busybot("dataset", "import", tmp_path / "images", "--dry-run").returncode == 0
+    picture = next((tmp_path / "images").rglob("*.png"))
+    picture.write_bytes(picture.read_bytes()[:100])
+    dry = busybot("dataset", "import", tmp_path / "images", "--dry-run")
+    assert dry.returncode == 1 and "error: " in dry.stderr

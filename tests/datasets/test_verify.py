@@ -12,6 +12,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.verify import VerifyReport, verify
 from busybot.episodes.mcap.writer import write_episode
+from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 
@@ -90,6 +91,23 @@ def test_missing_and_superfluous_rows_are_found(dataset: Dataset) -> None:
     found = faults(verify(dataset.path))
     for fault in ("holds episode 0, which is not there", "lacks episode 2"):
         assert found.count(("part-00000.parquet", fault)) == 3
+
+
+def test_an_episode_that_is_gone_is_collected_again(dataset: Dataset) -> None:
+    """Its rows are still there; the command that brings it back is told once."""
+    dataset.episode_path(1).unlink()
+    problems = verify(dataset.path).problems
+    assert len(problems) == 3 and {problem.hint for problem in problems} == {
+        f"busybot collect {dataset.path} --steps 6 --policy random --set interaction.delta=20"
+    }
+    told = busybot("dataset", "verify", dataset.path, "--workers", 1).stderr
+    assert told.count("holds episode 1, which is not there") == 3 and told.count("hint: busybot collect") == 1
+
+
+def test_a_fault_of_the_boards_names_their_file_once(dataset: Dataset) -> None:
+    (dataset.path / "boards/boards-00000.jsonl").write_text("{}\n")
+    (problem,) = [one for one in verify(dataset.path).problems if "line" in one.what]
+    assert problem.file == str(dataset.path / "boards/boards-00000.jsonl") and str(dataset.path) not in problem.what
 
 
 def test_missing_and_unreadable_tables_are_found(dataset: Dataset) -> None:

@@ -58,6 +58,17 @@ def test_success_is_the_mean_over_tasks_and_beside_it_pooled() -> None:
     assert result["by_kind"] == {"one-to-many": {"a": 0.75, "b": 1.0}, "one-to-one": {"a": 0.5, "b": 1.0}}
 
 
+def test_tasks_that_all_went_alike_are_no_certainty() -> None:
+    """Of two tasks with half of the goal reached each, a bootstrap would see nothing but halves."""
+    tasks = [
+        JudgedTask(board=number, kind="one-to-one", least_steps=1, rollouts=(rollout("a", HIT, MISS),))
+        for number in range(2)
+    ]
+    row = summarise(tasks, ["a"], rng())["agents"]["a"]
+    others = 1 - 0.025**0.5  # at most this share of other tasks goes otherwise
+    assert row["success"] == 0.5 and row["interval"] == pytest.approx((0.5 - others / 2, 0.5 + others / 2))
+
+
 def test_failures_are_told_by_cause() -> None:
     row = summarise(TASKS, ["a"], rng())["agents"]["a"]
     assert row["failures_by_cause"] == dict.fromkeys(CAUSES, 0) | {"no candidate": 1, "not noticed": 1}

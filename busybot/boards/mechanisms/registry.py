@@ -2,7 +2,8 @@
 group `busybot.mechanisms` (docs/extending/mechanism.md).
 """
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 from pydantic import ValidationError
@@ -25,22 +26,49 @@ RESERVED = ("stream",)
 """Parameters of any relation: `stream` names the luck of responders that have it in common."""
 
 
+OWN: dict[str, type[Mechanism]] = {
+    one.kind: one
+    for one in (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock, Rest)
+}
+"""The kinds of this folder by name."""
+
+
 @cache
 def available() -> dict[str, type[Mechanism]]:
-    """All kinds by name: those of this folder, then those of installed packages.
+    """All kinds by name: those of this folder, then those of installed packages; a warning says which are left out."""
+    kinds = dict(OWN)
+    for name in plugins.names("mechanisms"):
+        try:
+            found = _brought(name, kinds)
+        except BusybotError as error:
+            warnings.warn(f"{error.what}; it is left out: {error.hint}", stacklevel=2)
+        else:
+            kinds[found.kind] = found
+    return kinds
+
+
+def kind_named(name: str) -> type[Mechanism] | None:
+    """The kind of that name, None if there is none. No package is loaded for one of this folder's, and of the others
+    first the one that has the same name: what ails one concerns nobody else.
 
     Raises:
-        BusybotError: a package cannot be loaded, or brings something else, or a name that is taken.
+        BusybotError: a package of that name cannot be loaded, or brings something else, or a name that is taken.
     """
-    own = (OneToOne, ManyEffects, ManyObjects, Gate, Delay, Timer, Toggle, Latch, Unreliable, Flicker, Clock, Rest)
-    kinds: dict[str, type[Mechanism]] = {one.kind: one for one in own}
-    for name in plugins.names("mechanisms"):
-        found, where = plugins.load("mechanisms", name), plugins.where("mechanisms", name)
-        if not (isinstance(found, type) and issubclass(found, Mechanism)):
-            raise BusybotError(f"{where} is no Mechanism", "derive its class from busybot.boards.mechanisms.base")
-        if kinds.setdefault(found.kind, found) is not found:
-            raise BusybotError(f"{where} brings a kind {found.kind!r}, which is there already", "rename it")
-    return kinds
+    if name in OWN:
+        return OWN[name]
+    if name in plugins.names("mechanisms") and (found := _brought(name, OWN)).kind == name:
+        return found
+    return available().get(name)
+
+
+def _brought(name: str, known: Mapping[str, type[Mechanism]]) -> type[Mechanism]:
+    """What a package brings under a name, if it is a kind and none of the known ones."""
+    found, where = plugins.load("mechanisms", name), plugins.where("mechanisms", name)
+    if not (isinstance(found, type) and issubclass(found, Mechanism)):
+        raise BusybotError(f"{where} is no Mechanism", "derive its class from busybot.boards.mechanisms.base")
+    if known.get(found.kind, found) is not found:
+        raise BusybotError(f"{where} brings a kind {found.kind!r}, which is there already", "rename it")
+    return found
 
 
 def mechanism_of(relation: Relation, sizes: Sequence[int]) -> Mechanism:
@@ -52,7 +80,7 @@ def mechanism_of(relation: Relation, sizes: Sequence[int]) -> Mechanism:
     Raises:
         BusybotError: nobody here knows its kind, or it does not fit its inputs.
     """
-    kind = available().get(relation.kind)
+    kind = kind_named(relation.kind)
     if kind is None:
         known = ", ".join(sorted(available()))
         raise BusybotError(

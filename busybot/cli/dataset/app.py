@@ -2,6 +2,7 @@
 
 import math
 import re
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -68,8 +69,9 @@ def verify(
 
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, processes(workers), progress, assets)
-    for problem in report.problems:
-        warn(f"{problem.file}: {problem.what}\n  hint: {problem.hint}")
+    for problem, following in zip_longest(report.problems, report.problems[1:]):
+        hint = "" if following and following.hint == problem.hint else f"\n  hint: {problem.hint}"
+        warn(f"{problem.file}: {problem.what}{hint}")  # what one thing mends is told together
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:

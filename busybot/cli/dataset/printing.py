@@ -31,6 +31,8 @@ def _readable(key: str, value: Any) -> str:
         return "-"
     if key == "bytes":
         return f"{value:,} ({value / 1e6:.1f} MB)"
+    if key == "links" and isinstance(value, list):
+        return "-".join(map(str, value))
     if key.endswith("_share"):
         return f"{value:.1%}"
     return f"{value:,}" if isinstance(value, int) and not isinstance(value, bool) and key != "seed" else str(value)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say, tell
+from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say, tell, warn
 from busybot.cli.eval import printing
 from busybot.cli.options import (
     AssetsOption,
@@ -23,6 +23,7 @@ from busybot.cli.options import (
 from busybot.common.errors import UsageError
 
 if TYPE_CHECKING:
+    from busybot.datasets.dataset import Dataset
     from busybot.interact.evaluate import InteractEvaluation
     from busybot.reason.evaluation.summary import JudgedGraph
     from busybot.sim.policy import AnyPolicyFactory
@@ -114,15 +115,18 @@ def reason(
             for own, one in zip(told, judged, strict=True):
                 own.keep(file, one)
 
-        results = evaluate_models(Dataset.open(dataset), asked, training, assets, seed, workers, progress, keep)
+        target = Dataset.open(dataset)
+        results = evaluate_models(target, asked, training, assets, seed, workers, progress, keep)
     given: dict[str, Any] = {"images": images, "seed": seed, "decoders": decoders, "graph": graph}
     given |= {} if boxes == "given" else {"boxes": boxes}
     given |= {} if what_if else {"no-what-if": True}
     for name, result in zip(names, results, strict=True):
-        result["command"] = _command_again("reason", dataset, set_, config, reasoner=name, **given)
+        who = name if graph is None else None  # a graph from a file was inferred by somebody else
+        result["command"] = _command_again("reason", dataset, set_, config, reasoner=who, **given)
     for file, result in zip(files, results, strict=False):
         write_result(file, result)
         say(f"wrote {file}")
+    _warn_of(target, dict(zip(names, results, strict=True)))
     if figure is not None:
         from busybot.view.figures.curves import images_figure
 
@@ -134,6 +138,18 @@ def reason(
         if len(results) > 1:
             tell(f"{name}:")
         printing.reasoning(result, own.unjudged)
+
+
+def _warn_of(dataset: "Dataset", results: dict[str, dict[str, Any]]) -> None:
+    """Say what makes the figures say little, whatever they are."""
+    from busybot.datasets.summary import nothing_moved
+
+    for name, result in results.items():
+        if result["trained_on_dataset"]:
+            warn(f"{name} was trained on these very boards: what it is worth, others tell")
+    if nothing_moved(dataset):
+        again = "record another dataset with busybot collect --policy learned"
+        warn(f"no recorded action moved anything, so nothing shows what controls what; {again}")
 
 
 def _check_several(

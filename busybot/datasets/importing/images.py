@@ -35,7 +35,7 @@ from busybot.datasets.importing.csv_tables import (
     listed,
 )
 from busybot.datasets.importing.exported import HINT, ExportedRecording, exported_recordings
-from busybot.datasets.importing.recording import store_episodes, unknown_step
+from busybot.datasets.importing.recording import Episodes, check_episodes, store_episodes, unknown_step
 from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
 from busybot.episodes.codec import decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Image, Step
@@ -125,14 +125,25 @@ def import_export(
     recordings = recordings or exported_recordings(source)
     if not recordings:
         raise BusybotError(f"{source}: it has no folder {EPISODES_FOLDER}/000000 with a recording, and no tables", HINT)
+    return store_episodes(out, *_made(recordings, out.absolute().name), progress)
+
+
+def check_export(recordings: Sequence[ExportedRecording], progress: Progress | None = None) -> None:
+    """Refuse what `import_export` would refuse, and write nothing."""
+    info, _, made = _made(recordings, recordings[0].place)
+    check_episodes(made, info.boards, progress)
+
+
+def _made(recordings: Sequence[ExportedRecording], name: str) -> tuple[DatasetInfo, list[BoardSpec], Episodes]:
+    """What a dataset of this name says of itself, its boards, and who makes their episodes."""
     told = [recording.rows("episodes", _Episode)[0] for recording in recordings]
     boards = [_board(index, found, one) for index, (found, one) in enumerate(zip(recordings, told, strict=True))]
     longest = max(recordings, key=lambda recording: recording.frames())
     where = f"{recordings[0].file('episodes')} and {longest.file('frames')}"
-    info = _info(where, out.absolute().name, told[0], longest.frames() - 1, len(boards))
+    info = _info(where, name, told[0], longest.frames() - 1, len(boards))
     read = zip(recordings, told, boards, strict=True)
     made = ((Path(found.place), lambda found=found, one=one, b=b: _episode(found, one, b)) for found, one, b in read)
-    return store_episodes(out, info, boards, made, progress)
+    return info, boards, made
 
 
 def _info(where: str, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:

@@ -23,16 +23,19 @@ from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo
 from busybot.episodes.camera import project
+from busybot.episodes.codec import DepthScale
 from busybot.episodes.episode import Camera, Episode, Image, Link, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import UNKNOWN_PIXEL
-from busybot.episodes.validation import check_camera
+from busybot.episodes.validation import check_camera, check_episode, check_image
 
 BOARD = 4.0
 """Width of a board, board units."""
 LINK = "link"
 """Name of a trigger's link where only objects are known."""
 
+Episodes = Iterator[tuple[object, Callable[[], Episode]]]
+"""For each board what errors name, and who makes its episode."""
 Picture = tuple[np.ndarray, np.ndarray | None]
 """Colours, uint8 (H, W, 3), and depth, float32 (H, W), board units, 0 for nothing; None where none was recorded."""
 
@@ -143,18 +146,27 @@ def point_at(camera: Camera, pixel: tuple[float, float], depth: float) -> tuple[
     return x, y, z
 
 
+def check_episodes(episodes: Episodes, count: int, progress: Progress | None = None) -> None:
+    """Make so many episodes, one after the other, and write none: what `store_episodes` would refuse is refused."""
+    for done, (named, make) in enumerate(episodes, start=1):
+        with naming(named):
+            episode = make()
+            check_episode(episode)
+            for image in episode.images:
+                check_image(image, episode.camera, len(episode.board.objects), len(episode.links))
+            DepthScale.covering([image.depth for image in episode.images if image.depth is not None])
+        if progress:
+            progress(done, count)
+
+
 def store_episodes(
     out: Path,
     info: DatasetInfo,
     boards: Sequence[BoardSpec],
-    episodes: Iterator[tuple[object, Callable[[], Episode]]],
+    episodes: Episodes,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Write a dataset of imported episodes; it is there whole or not at all.
-
-    Args:
-        episodes: for each board what its errors name, and who makes its episode.
-    """
+    """Write a dataset of imported episodes; it is there whole or not at all."""
     place = out.absolute()
     refuse_taken(place)
     make_folder(place.parent)
@@ -180,7 +192,7 @@ def store_recordings(
     Raises:
         BusybotError: naming file and line, if something contradicts itself; or something is at `out`.
     """
-    boards = [board_of(index, one) for index, one in enumerate(recordings)]
+    boards, made = _made(source, recordings)
     info = DatasetInfo(
         name=out.absolute().name[:200],
         split=IMPORTED,
@@ -190,9 +202,20 @@ def store_recordings(
         assets=AssetsInfo(source="folder", name="unknown"),
         collect=CollectInfo(policy="human", steps=max(len(one.actions) for one in recordings), images="png"),
     )
-    pairs = zip(recordings, boards, strict=True)
-    made = ((one.place, lambda one=one, board=board: episode_of(source, one, board)) for one, board in pairs)
     return store_episodes(out, info, boards, made, progress)
+
+
+def check_recordings(source: str, recordings: Sequence[Recording], progress: Progress | None = None) -> None:
+    """Refuse what `store_recordings` would refuse, and write nothing."""
+    boards, made = _made(source, recordings)
+    check_episodes(made, len(boards), progress)
+
+
+def _made(source: str, recordings: Sequence[Recording]) -> tuple[list[BoardSpec], Episodes]:
+    """Boards of recordings, and who makes their episodes."""
+    boards = [board_of(index, one) for index, one in enumerate(recordings)]
+    pairs = zip(recordings, boards, strict=True)
+    return boards, ((one.place, lambda one=one, board=board: episode_of(source, one, board)) for one, board in pairs)
 
 
 def board_of(index: int, told: Recording) -> BoardSpec:

@@ -10,9 +10,9 @@ from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.importing.camera_folder import ImportOptions, camera_folders, read_camera_folder
 from busybot.datasets.importing.exported import RecordingFolder, exported_recordings
-from busybot.datasets.importing.images import describe_export, import_export
+from busybot.datasets.importing.images import check_export, describe_export, import_export
 from busybot.datasets.importing.lerobot import INFO_FILE, read_lerobot
-from busybot.datasets.importing.recording import Recording, store_recordings
+from busybot.datasets.importing.recording import Recording, check_recordings, store_recordings
 from busybot.datasets.importing.thor import event_folders, read_events
 
 CAMERA, IMAGES, PARQUET, LEROBOT, THOR = "camera", "images", "parquet", "lerobot", "ai2thor"
@@ -39,7 +39,7 @@ def import_source(
     """Make a dataset of recordings of others; it is there whole or not at all.
 
     Args:
-        out: None to read everything but the pictures, and write nothing.
+        out: None to read and check everything, and write nothing.
 
     Raises:
         BusybotError: naming file and line, if something is missing, contradicts itself, or may mean several things.
@@ -53,10 +53,16 @@ def import_source(
             raise UsageError(what, "leave them out")
         kind = IMAGES if isinstance(exported[0], RecordingFolder) else PARQUET
         told = [describe_export(recording) for recording in exported]
-        return Imported(kind, told, None if out is None else import_export(source, out, progress, exported))
+        if out is None:
+            check_export(exported, progress)
+            return Imported(kind, told, None)
+        return Imported(kind, told, import_export(source, out, progress, exported))
     kind, recordings = _read(source, options)
     summaries = [one.summary() for one in recordings]
-    return Imported(kind, summaries, None if out is None else store_recordings(kind, recordings, out, progress))
+    if out is None:
+        check_recordings(kind, recordings, progress)
+        return Imported(kind, summaries, None)
+    return Imported(kind, summaries, store_recordings(kind, recordings, out, progress))
 
 
 def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording]]:

@@ -55,8 +55,8 @@ from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import acted_objects, observe_episode, pushes_of
 from busybot.reason.inputs.sequence import BoardSequence, clusters_of, sequence_of, threshold_of
 from busybot.reason.models.base import InferredGraph, Reasoner, believed
-from busybot.reason.models.registry import GRAPHS, config_class, infer, reasoner_of, without_training
-from busybot.training.model_cards import file_hashes, find_folder
+from busybot.reason.models.registry import GRAPHS, ReasonerInfo, config_class, infer, reasoner_of, without_training
+from busybot.training.model_cards import file_hashes, find_folder, read_info
 
 IMAGES = 23
 """The paper infers the graph from so many images, one more than actions."""
@@ -401,6 +401,7 @@ def _result(
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
         "encoder": _encoder_of(judging),
         "dataset": sets[0],
+        "trained_on_dataset": _trained_on(judging, sets[0]["board_hash"]),
         "decoders": sets[1] if len(sets) > 1 else None,
     }
 
@@ -431,9 +432,21 @@ def _check(judging: ReasonEvaluation, training: Dataset | None) -> None:
         )
 
 
+def _trained_on(judging: ReasonEvaluation, board_hash: str) -> bool:
+    """Whether the model's card names the boards with this hash among those that it was trained on."""
+    if judging.given is not None or not _is_trained(judging.model):
+        return False
+    card = read_info(find_folder(judging.model, "reason"), ReasonerInfo)
+    return any(one.get("board_hash") == board_hash for one in card.training.get("data", []))
+
+
+def _is_trained(model: str) -> bool:
+    return model not in GRAPHS and model not in without_training()
+
+
 def _model_hashes(model: str) -> dict[str, dict[str, str]]:
     """Of the files of a trained model."""
-    if model in GRAPHS or model in without_training():
+    if not _is_trained(model):
         return {}
     folder = find_folder(model, "reason")
     return {folder.name: file_hashes(folder)}

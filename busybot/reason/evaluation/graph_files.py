@@ -177,11 +177,18 @@ def graph_lines(values: dict[str, Any]) -> list[str]:
         if edge["claimed"]:
             words = [f"{names[edge['from']]} -> {names[edge['to']]}", f"{edge['probability']:.3f}"]
             words += [edge["mechanism"]] if edge["mechanism"] else []
-            words += [f"after {edge['lag']} more actions"] if edge["lag"] else []
+            words += [f"after {edge['lag']} more action{'s' * (edge['lag'] > 1)}"] if edge["lag"] else []
             lines.append(", ".join(words))
     told = [f"{node['name']} {node['words']}" for node in values["nodes"] if "words" in node]
     told = [re.sub(r"\bobject (\d+)", lambda at: names[int(at[1])], one) for one in told]
-    return [*(lines or ["nothing is claimed"]), *told]
+    return [*(lines or [f"nothing is claimed{_without_boxes(values['nodes'])}"]), *told]
+
+
+def _without_boxes(nodes: list[dict[str, Any]]) -> str:
+    """Why nothing could be claimed, if that is because nobody drew what it would be about."""
+    boxed = {node["role"] for node in nodes if node["box"]}
+    missing = [role for role in ("trigger", "responder") if role not in boxed]
+    return f": no {' and no '.join(missing)} has a box; `busybot annotate` draws them" if missing else ""
 
 
 def write_graph(folder: Path, values: dict[str, Any]) -> None:

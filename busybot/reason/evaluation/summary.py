@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import PAPER, BoardSpec
 from busybot.common.rng import generator
 from busybot.evaluation.results import package_versions
 from busybot.evaluation.statistics import LEVEL, Interval, interval_over_objects
@@ -23,6 +23,8 @@ Scores = dict[str, float | None]
 CLAIMS: m.Shares = {"edge_p": m.EDGES["precision"], "edge_r": m.EDGES["recall"]}
 EDGES: m.Shares = CLAIMS | {"edge_acc": m.EDGES["accuracy"]}
 """`metrics.EDGES` as results call them."""
+BOUNDS = (BOUND, BOUND_KNOWING)
+"""What the observed transitions determine if an action shows at once what it does: in the paper's world alone."""
 SINGLE = {"responders": "pred_a_responder", "changed": "pred_a_changed", "unchanged": "pred_a_unchanged"}
 """How results by category call the scores of single responders."""
 
@@ -61,7 +63,7 @@ def after_images(forecasts: Forecasts, images: int) -> Scores:
 def counted(
     forecasts: Forecasts, name: str, images: int | None = None, kind: str | None = None, category: str | None = None
 ) -> list[m.Counts]:
-    """Counts per board that has predictions of this name.
+    """Counts per board that has predictions of this name; `BOUNDS` have a meaning in the paper's world alone.
 
     Args:
         name: of `JudgedPrediction.right`; with `images` of `by_images`.
@@ -71,7 +73,7 @@ def counted(
     counts = []
     for board, one in forecasts:
         right = (one.right if images is None else one.by_images.get(images, {})).get(name)
-        if right is not None:
+        if right is not None and (name not in BOUNDS or board.world == PAPER):
             steps = np.array([kind in (None, each) for each in one.kinds], bool)
             wanted = np.array([category in (None, placed.category) for placed in board.objects], bool)
             judged = one.judged & wanted
@@ -243,7 +245,9 @@ def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarr
 
 
 def _bound(judged: Sequence[JudgedGraph], steps: int) -> float | None:
-    return m.shown_share([one.truth.edges for one in judged], [one.truth.shown for one in judged], steps)
+    """Over boards of the paper's world, as `BOUNDS`."""
+    truths = [one.truth for one in judged if one.board.world == PAPER]
+    return m.shown_share([truth.edges for truth in truths], [truth.shown for truth in truths], steps)
 
 
 def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, Any]]:

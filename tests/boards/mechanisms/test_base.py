@@ -1,13 +1,16 @@
 """What all mechanisms have in common, the kinds that there are, and those that strangers bring."""
 
+import warnings
 from importlib.metadata import EntryPoint
 from itertools import product
 
 import numpy as np
 import pytest
 
-from busybot.boards.mechanisms import Mechanism, available, mechanism_of
+from busybot.boards.config import BoardConfig
+from busybot.boards.mechanisms import Mechanism, available, kind_named, mechanism_of
 from busybot.boards.spec import LinkRef, Relation
+from busybot.boards.worlds import world_named
 from busybot.common.errors import BusybotError
 
 OWN = {
@@ -110,5 +113,25 @@ def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None
 def test_packages_that_bring_something_else_are_named(registered: list[EntryPoint], value: str, message: str) -> None:
     registered.append(EntryPoint("strange", value, "busybot.mechanisms"))
     with pytest.raises(BusybotError, match=message) as error:
-        available()
+        kind_named("strange")
     assert value in error.value.what and error.value.hint
+    with pytest.warns(UserWarning, match=f"{value}.*{message}.*left out"):
+        assert set(available()) == OWN
+
+
+def test_what_ails_a_package_concerns_no_other_name(registered: list[EntryPoint]) -> None:
+    """Neither a world of ours, nor a relation, nor another package; a warning would be an error here."""
+    registered.append(EntryPoint("strange", "tests.boards.mechanisms.no_such_module:Echo", "busybot.mechanisms"))
+    registered.append(EntryPoint("echo", "tests.boards.mechanisms.strange:Echo", "busybot.mechanisms"))
+    relation = Relation(
+        kind="echo", triggers=(LinkRef(object=0, link="a"),), responder=1, stage="single", states=(0, 1)
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert BoardConfig(world="gates").world == "gates" and mechanism_of(relation, (2,)).kind == "echo"
+        assert world_named("echo").kinds == {"echo": 1.0}
+    with pytest.raises(BusybotError, match="no_such_module:Echo' of the group busybot.mechanisms cannot be loaded"):
+        world_named("strange")
+    with pytest.warns(UserWarning, match="left out"), pytest.raises(BusybotError, match="no world 'ekho'") as error:
+        world_named("ekho")
+    assert str(error.value.hint).startswith("did you mean echo? ")

@@ -1,13 +1,22 @@
 """`busybot eval reason`, as a user runs it."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
+from busybot.common.errors import BusybotError
+from busybot.episodes.mcap.writer import write_episode
+from busybot.interact.affordance.load import load_model
+from busybot.plan.learning.network import read_policy
+from busybot.training.model_cards import PACKAGE
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
+
+PRETRAINED = PACKAGE / "pretrained"
 
 KEYS = {
     "edge_p", "edge_r", "edge_acc", "edge_r_bound", "pred_a", "pred_a_responder", "pred_a_bound", "ece", "brier",
@@ -138,6 +147,34 @@ def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) ->
     assert 2 <= used < 500
     assert f"{used} of 500" in " ".join(shown.split())
     assert "no step is left to predict" in shown
+
+
+def test_a_recording_in_which_nothing_moved_is_told_of(tmp_path: Path) -> None:
+    still, hint = make_dataset(tmp_path / "still", boards=1, finished=()), "collect --policy learned"
+    episode = make_episode(0)
+    steps = [
+        replace(
+            step, success=False, acted_object=-1, acted_link="", trigger_states_after=step.trigger_states_before,
+            responder_states_after=step.responder_states_before,
+        )
+        for step in episode.steps
+    ]  # fmt: skip
+    write_episode(still.episode_path(0), replace(episode, steps=steps))
+    still.write_tables()
+    told = run(still.path, "--reasoner", "count", "--workers", "1").stderr
+    assert "no recorded action moved anything" in told and hint in told
+    moved = make_dataset(tmp_path / "moved", boards=1, finished=[0]).path
+    assert "moved anything" not in run(moved, "--reasoner", "count", "--workers", "1").stderr
+
+
+def test_a_folder_of_another_skill_is_called_what_it_is(dataset: Path) -> None:
+    folders = {name: PRETRAINED / skill / name for skill, name in (("reason", "event"), ("interact", "procedural"))}
+    told = run(dataset, "--reasoner", folders["procedural"]).stderr
+    assert "procedural is an interaction model; here a model of relations is needed" in told
+    with pytest.raises(BusybotError, match="event is a model of relations; here an interaction model is needed"):
+        load_model(folders["event"])
+    with pytest.raises(BusybotError, match="event is a model of relations; here a policy that plans is needed"):
+        read_policy(folders["event"], "bc")
 
 
 @pytest.mark.parametrize(("model", "message"), [("procedural", "an interaction model"), ("nix", "no model of that")])

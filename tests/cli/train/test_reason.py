@@ -37,6 +37,16 @@ def arguments(out: Path, *data: Path) -> list[str]:
     return ["train", "reason", "--out", str(out), *named, *SETTINGS, "--workers", "1"]
 
 
+def test_a_model_judged_on_the_boards_that_it_was_trained_on_is_told_of(tmp_path: Path, data: Path) -> None:
+    assert run(*arguments(tmp_path / "run", data)).exit_code == 0
+    other = make_dataset(tmp_path / "other", boards=2, finished=[0]).path
+    for place, same in ((data, True), (other, False)):
+        judging = ("--reasoner", str(tmp_path / "run"), "--images", "4", "--no-what-if", "--workers", "1", "--json")
+        done = run("eval", "reason", str(place), *judging)
+        assert done.exit_code == 0 and json.loads(done.stdout)["trained_on_dataset"] is same
+        assert ("was trained on these very boards" in done.stderr) is same
+
+
 def weights(out: Path) -> str:
     return hashlib.sha256((out / "model" / "weights.safetensors").read_bytes()).hexdigest()
 
@@ -56,6 +66,9 @@ def test_a_training_leaves_a_model_metrics_and_a_picture(tmp_path: Path, data: P
     assert load_reasoner(out).encoder == "embedded"
     assert (out / "training.png").read_bytes().startswith(b"\x89PNG")
     assert json.loads((out / "metrics.json").read_text())["iterations"] == 8
+    assert "nothing was held out to judge the training by" in result.stderr and "--group-size" in result.stderr
+    asked = run(*arguments(tmp_path / "all", data), "--set", "loop.held_out=0")
+    assert asked.exit_code == 0 and "held out" not in asked.stderr
     before = weights(out)
     assert run(*arguments(out, data)).exit_code == 0 and weights(out) == before  # nothing is left to do
     refused = run(*arguments(out, data), "--seed", "1")

@@ -30,6 +30,7 @@ def test_what_is_written_is_judged_as_it_was(dataset: Dataset, tmp_path: Path) -
     again = busybot("eval", "reason", dataset.path, "--graph", tmp_path / "g", "--images", 7, "--json")
     second = json.loads(again.stdout)
     assert second["model"] == "count" and second["encoder"] is None and f"--graph {tmp_path / 'g'}" in second["command"]
+    assert "--reasoner" not in second["command"], "nobody named one"
     for key in ("edge_p", "edge_r", "edge_acc", "parent_f1", "shd"):
         assert second[key] == first[key]
     assert second["brier"] == pytest.approx(first["brier"], abs=1e-5)
@@ -48,6 +49,10 @@ def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
     assert graph_lines(values) == [
         "switch 0 -> lamp 1, 0.900, gate, after 2 more actions", "lamp 1 follows switch 0 and switch 3"
     ]  # fmt: skip
+    assert graph_lines(values | {"edges": [first | {"lag": 1}]})[0].endswith("after 1 more action")
+    assert graph_lines(values | {"edges": [second]})[0] == "nothing is claimed"
+    bare = [node | {"box": None if node["role"] == "trigger" else node["box"]} for node in values["nodes"]]
+    assert graph_lines({"nodes": bare, "edges": []})[0].startswith("nothing is claimed: no trigger has a box; ")
     write_graph(tmp_path, values)
     graph = read_graphs(tmp_path).of(episode)
     np.testing.assert_allclose(graph.after(6), matrix[0])

@@ -11,6 +11,7 @@ from busybot.reason.evaluation.decoders import NearestState
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD, StateTruth, states_of, truth_of
 from busybot.reason.evaluation.prediction import (
     BOUND,
+    BOUND_KNOWING,
     NEAREST,
     PERSISTENCE,
     EvaluatedBoard,
@@ -157,6 +158,26 @@ def test_steps_belong_to_the_trigger_that_is_held() -> None:
     assert (low, high) == (0.0, 1.0)
     held = replace(by_hand(), held=np.zeros(4, int))
     assert summarise([replace(one, forecast=held)] * 3, 23, 0)["object_intervals"]["pred_a"] == (0.5, 0.5)
+
+
+def test_bounds_that_mean_nothing_in_other_worlds_are_null() -> None:
+    """They take it that an action shows at once what it does; what was predicted counts all the same."""
+    episode, graph = make_episode(steps=22), InferredGraph("claimed", np.zeros((22, 5, 5)))
+    told = {}
+    for world in ("paper", "time"):
+        board = episode.board.model_copy(update={"world": world})
+        right = {**by_hand().right, BOUND_KNOWING: by_hand().right[BOUND]}
+        forecast = replace(by_hand(), right=right)
+        told[world] = summarise([JudgedGraph(board, graph, truth_of(episode), 22, "", False, forecast)], 23, 0)
+    paper, time = told["paper"], told["time"]
+    assert paper["pred_a"] == time["pred_a"] == 0.5 and paper["persistence"] == time["persistence"] is not None
+    assert paper["edge_r_bound"] == paper["pred_a_bound"] == paper["bounds"]["knowing"]["pred_a"] == 1.0
+    assert time["edge_r_bound"] is time["pred_a_bound"] is time["bounds"]["knowing"] is None
+    assert set(time["bounds"]["not_knowing"].values()) == {None}
+    for name in ("edge_r_bound", "pred_a_bound"):
+        assert any(one[name] is not None for one in paper["by_images"])
+        assert all(one[name] is None for one in time["by_images"]), name
+    assert {kind["pred_a_bound"] for kind in time["pred_by_kind"].values()} == {None}
 
 
 def test_curve_and_intervals_use_the_same_boards() -> None:

@@ -261,6 +261,17 @@ def test_the_command(tiny: Path, tmp_path: Path, in_process: None) -> None:
     assert load_command(name).make_context(name, rest).params["boards"] == 2
 
 
+def test_a_program_that_says_nothing_at_all_is_an_error(tiny: Path) -> None:
+    dies = shlex.join([sys.executable, "-c", "raise SystemExit(3)"])
+    done = busybot("play", tiny, "--agent", dies, "--workers", 1, "--boards", 2)
+    assert done.returncode == 1 and "exact observer" in done.stdout
+    assert "error: the program gave no answer on any board" in done.stderr and "hint: " in done.stderr
+    told = busybot("play", tiny, "--agent", dies, "--workers", 1, "--boards", 2, "--json")
+    assert told.returncode == 1 and json.loads(told.stdout)["actions_used"] == 0
+    refused = shlex.join([sys.executable, "-c", "while True: input(); print('?', flush=True)"])
+    assert busybot("play", tiny, "--agent", refused, "--workers", 1, "--boards", 1).returncode == 0
+
+
 def test_programs_that_are_not_there_are_named(tiny: Path) -> None:
     done = busybot("play", tiny, "--agent", "no-such-program-here")
     assert done.returncode == 1 and "no-such-program-here" in done.stderr

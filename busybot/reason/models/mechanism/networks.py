@@ -195,6 +195,53 @@ class Gather(GraphModule):
         return weight_j * torch.relu(said_j + known)
 
 
+@dataclass(frozen=True)
+class _Whose:
+    """What belongs to what in a batch: X explanations, E inputs that they read, C candidates, R responders, B boards.
+
+    Attributes:
+        source, target: int64 (E,), the explanation that reads an input, and the candidate that it reads.
+        owner: int64 (X,), the responder that an explanation explains.
+        responder, input: int64 (C,), the responder that a candidate may move, and the input that it is.
+        board: int64 (R,).
+        world: int64 (R,), number of the world that is told.
+        explanations, candidates, responders, inputs, boards: how many there are.
+    """
+
+    source: Tensor
+    target: Tensor
+    owner: Tensor
+    responder: Tensor
+    input: Tensor
+    board: Tensor
+    world: Tensor
+    explanations: int
+    candidates: int
+    responders: int
+    inputs: int
+    boards: int
+
+    @staticmethod
+    def of(graph: HeteroData) -> "_Whose":
+        """Of a batch of `explanation_graph`."""
+        source, target = graph["explanation", "reads", "candidate"].edge_index
+        board = graph["responder", "lies on", "board"].edge_index[1]
+        return _Whose(
+            source=source,
+            target=target,
+            owner=graph["explanation", "explains", "responder"].edge_index[1],
+            responder=graph["candidate", "moves", "responder"].edge_index[1],
+            input=graph["candidate", "is", "input"].edge_index[1],
+            board=board,
+            world=graph["board"].world[board],
+            explanations=graph["explanation"].num_nodes,
+            candidates=graph["candidate"].num_nodes,
+            responders=graph["responder"].num_nodes,
+            inputs=graph["input"].num_nodes,
+            boards=graph["board"].num_nodes,
+        )
+
+
 class MechanismNet(nn.Module):
     """Log probabilities of explanations.
 
@@ -230,54 +277,79 @@ class MechanismNet(nn.Module):
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:
         """See above."""
-        node, edges = graph["explanation"], graph["explanation", "reads", "candidate"]
-        source, target = edges.edge_index
-        owner = graph["explanation", "explains", "responder"].edge_index[1]
-        of_responder = graph["candidate", "moves", "responder"].edge_index[1]
-        of_input = graph["candidate", "is", "input"].edge_index[1]
-        counts = [graph[name].num_nodes for name in ("explanation", "candidate", "responder", "input")]
-        explanations, candidates, responders, inputs = counts
-        matters, there, back = self.witnesses(edges.witnesses).chunk(3, -1)
-        mattering = scatter(matters.relu(), source, dim_size=explanations, reduce="sum")
-        of_board = graph["responder", "lies on", "board"].edge_index[1]
-        world = graph["board"].world[of_board][owner]
-        known = self.kind.weight.T[node.kind] + self.world.weight.T[world]
-        if self.unsteady is not None:
-            known = known + self.unsteady(graph["board"].unsteady[of_board][owner, None])
-        prior = SCALE * self.prior.weight[world, node.kind][:, None]
-        evidence = node.evidence[..., :-1]
-        if self.config.rising:
-            links = graph["input"].rising
-            told = explained(links, of_input[target], source, edges.ways, node.evidence[..., -1])
-            evidence = torch.cat([evidence, told[..., None]], -1)
-        token = self.token(self.evidence(evidence) + known[:, None] + mattering)
+        whose, node = _Whose.of(graph), graph["explanation"]
+        matters, there, back = self.witnesses(graph["explanation", "reads", "candidate"].witnesses).chunk(3, -1)
+        prior = SCALE * self.prior.weight[whose.world[whose.owner], node.kind][:, None]
+        evidence = self._evidence(graph, whose)
+        token = self._tokens(graph, whose, evidence, matters)
         rough = prior + (self.rough(token) + self.straight(evidence))[..., 0]
-        first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, owner)
+        first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, whose.owner)
         weight = first.exp()
-        summary = scatter(weight[..., None] * token, owner, dim_size=responders, reduce="sum")  # (R, K, width)
-        boards = graph["board"].num_nodes
-        board = scatter(self.board(summary), of_board, dim_size=boards, reduce="mean")[of_board]
-        heard = self.gather(edges.edge_index, token, there, weight, (explanations, candidates))
-        needed = scatter(weight[source], target, dim_size=candidates, reduce="sum")[..., None]  # (C, K, 1)
-        others = scatter(needed, of_input, dim_size=inputs, reduce="sum")[of_input] - needed
-        told = self.candidate(torch.cat([heard / (needed + 1e-3), summary[of_responder], needed, others], -1))
-        share = 1 / scatter(torch.ones_like(source), source, dim_size=explanations).clamp(min=1)
-        said = self.gather(edges.edge_index.flip(0), told, back, needed.new_ones(1, 1), (candidates, explanations))
-        around = torch.cat([summary, board], -1)
-        logits = first + self.final(torch.cat([token, share[:, None, None] * said, around[owner]], -1))[..., 0]
-        shares, change = self._shares(logits, node, owner), None
-        if self.config.changes:
-            odds = graph["responder"].odds.clamp(max=CERTAIN)
-            rivals = scatter(odds.exp(), of_board, dim_size=boards, reduce="sum")[of_board].log()
-            told = torch.cat([odds, rivals], -1) / SCALE
-            if self.config.unsteady:  # before such a camera much looks like a change that is none
-                unsteady = graph["board"].unsteady[of_board][:, None, None]
-                told = torch.cat([told * (1 - unsteady), told * unsteady, unsteady.expand(-1, told.shape[1], 1)], -1)
-            change = (self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0]
-            anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., EVIDENCE]
-            anew = self._shares(anew, node, owner)
-            shares = torch.logaddexp(shares + logsigmoid(-change)[owner], anew + logsigmoid(change)[owner])
-        return shares, first, change
+        summary = scatter(weight[..., None] * token, whose.owner, dim_size=whose.responders, reduce="sum")
+        board = scatter(self.board(summary), whose.board, dim_size=whose.boards, reduce="mean")
+        around = torch.cat([summary, board[whose.board]], -1)  # (R, K, 2 width)
+        said = self._messages(whose, token, weight, summary, there, back)
+        logits = first + self.final(torch.cat([token, said, around[whose.owner]], -1))[..., 0]
+        shares = self._shares(logits, node, whose.owner)
+        if not self.config.changes:
+            return shares, first, None
+        change = self._change(graph, whose, around)
+        anew = prior + self.anew(token)[..., 0] + self.sharpness * node.evidence[..., EVIDENCE]
+        anew = self._shares(anew, node, whose.owner)
+        told = shares + logsigmoid(-change)[whose.owner], anew + logsigmoid(change)[whose.owner]
+        return torch.logaddexp(*told), first, change
+
+    def _evidence(self, graph: HeteroData, whose: "_Whose") -> Tensor:
+        """What was counted of the explanations, (X, K, EVIDENCE + 1), and, if the network hears it, how much more
+        probable they are for which way round links seem to be."""
+        told = graph["explanation"].evidence[..., :-1]
+        if not self.config.rising:
+            return torch.as_tensor(told)
+        read, ways = whose.input[whose.target], graph["explanation", "reads", "candidate"].ways
+        alike = graph["explanation"].evidence[..., -1]
+        rising = explained(graph["input"].rising, read, whose.source, ways, alike)
+        return torch.cat([told, rising[..., None]], -1)
+
+    def _tokens(self, graph: HeteroData, whose: "_Whose", evidence: Tensor, matters: Tensor) -> Tensor:
+        """What is known of each explanation by itself, (X, K, width): its kind, the board, what was counted of it, and
+        of the inputs that it reads."""
+        known = self.kind.weight.T[graph["explanation"].kind] + self.world.weight.T[whose.world[whose.owner]]
+        if self.unsteady is not None:
+            known = known + self.unsteady(graph["board"].unsteady[whose.board][whose.owner, None])
+        mattering = scatter(matters.relu(), whose.source, dim_size=whose.explanations, reduce="sum")
+        return torch.as_tensor(self.token(self.evidence(evidence) + known[:, None] + mattering))
+
+    def _messages(
+        self, whose: "_Whose", token: Tensor, weight: Tensor, summary: Tensor, there: Tensor, back: Tensor
+    ) -> Tensor:
+        """What each explanation hears of the inputs that it reads, (X, K, width): who else needs them, for this
+        responder and for others.
+
+        Args:
+            token: (X, K, width), of explanations.
+            weight: (X, K), how probable each seems by itself.
+            summary: (R, K, width), of responders.
+            there, back: (E, width), of what inputs were seen to do, on the way to them and back.
+        """
+        edges = torch.stack([whose.source, whose.target])
+        size = whose.explanations, whose.candidates
+        heard = self.gather(edges, token, there, weight, size)
+        needed = scatter(weight[whose.source], whose.target, dim_size=whose.candidates, reduce="sum")[..., None]
+        others = scatter(needed, whose.input, dim_size=whose.inputs, reduce="sum")[whose.input] - needed
+        told = torch.cat([heard / (needed + 1e-3), summary[whose.responder], needed, others], -1)
+        share = 1 / scatter(torch.ones_like(whose.source), whose.source, dim_size=whose.explanations).clamp(min=1)
+        said = self.gather(edges.flip(0), self.candidate(told), back, needed.new_ones(1, 1), size[::-1])
+        return torch.as_tensor(share[:, None, None] * said)
+
+    def _change(self, graph: HeteroData, whose: "_Whose", around: Tensor) -> Tensor:
+        """Log odds that another mechanism than at first decides a responder, (R, K)."""
+        odds = graph["responder"].odds.clamp(max=CERTAIN)
+        rivals = scatter(odds.exp(), whose.board, dim_size=whose.boards, reduce="sum")[whose.board].log()
+        told = torch.cat([odds, rivals], -1) / SCALE
+        if self.config.unsteady:  # before such a camera much looks like a change that is none
+            unsteady = graph["board"].unsteady[whose.board][:, None, None]
+            told = torch.cat([told * (1 - unsteady), told * unsteady, unsteady.expand(-1, told.shape[1], 1)], -1)
+        return torch.as_tensor((self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0])
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
         """Log softmax over the explanations of each responder."""

@@ -27,18 +27,22 @@ from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.plan.agent_policy import reason
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
-from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
+from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.evaluation.causes import JudgedCauses
+from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
 from busybot.reason.evaluation.prediction import inferred_over_time
+from busybot.reason.evaluation.what_if import TOUR
 from busybot.reason.models.base import InferredGraph
-from busybot.reason.models.registry import DEFAULT_REASONER
+from busybot.reason.models.registry import DEFAULT_REASONER, reasoner_of
 from busybot.sim.collect import CollectConfig, collect
 from busybot.view.annotations import judged_edges, named, object_names
 from busybot.view.figures import episode as figures
-from busybot.view.figures.mechanisms import mechanism_figure
+from busybot.view.figures.mechanisms import mechanism_figure, understood_figure
 from busybot.view.figures.sequences import affordance_figure, sequence_figure
 from busybot.view.mechanisms import MechanismView
 from busybot.view.report.page import Grid, filled, markdown, plain_grid, share
 from busybot.view.rerun.recording import RecordingLayers, save_rrd
+from busybot.view.understood import Understanding
 from busybot.view.viewer_process import save_screenshot
 
 KINDS = {
@@ -119,14 +123,14 @@ def run_demo(
     rollout, planned = _reach_goal(out, library, seed, say, model)
     say(f"drawing a board of the world {GATES!r}")
     gates = _only_episode(_collect(out / GATES, _gates(library, seed), library, 1, say, model))
-    understood = inferred_over_time(gates, MECHANISMS, STEPS + 1)
+    judged, understood = _judged(gates, library)
     say(f"drawing a board of the world {MIXED!r}")
     mixed = _only_episode(_collect(out / MIXED, _mixed(library, seed), library, 1, say, model))
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)
     pictures["sequence"] = sequence_figure(out / "figures" / "sequence.png", rollout)
-    pictures[GATES] = figures.graph_figure(out / "figures" / "gates.png", gates, understood)
+    pictures[GATES] = understood_figure(out / "figures" / "gates.png", understood)
     pictures[MIXED] = mechanism_figure(out / "figures" / "mixed.png", mixed)
     recording = out / f"board-{chosen}.rrd"
     save_rrd(recording, episodes[chosen], [inferred], layers=RecordingLayers(thoughts))
@@ -138,7 +142,7 @@ def run_demo(
     links = {name: path.relative_to(out).as_posix() for name, path in pictures.items()}
     drawn = {"pictures": links, "recording": recording.name, "early": EARLY_STEP, "chosen": chosen}
     story = _story(episodes[chosen], inferred, result, rollout) | _mixed_story(mixed)
-    story |= {"understood": _understood(gates, understood), "understood_steps": len(gates.steps)}
+    story |= {"understood": _understood(judged, understood), "understood_steps": len(gates.steps), "tour": TOUR}
     told = filled("demo.md", boards=BOARDS, info=dataset.info, result=result, planned=planned, **drawn, **story)
     report = out / "report.md"
     write_atomically(report, told.encode())
@@ -237,15 +241,26 @@ def _mixed_story(episode: Episode) -> dict[str, Any]:
     return {**counts, "mechanisms": "\n".join(words), "late": sum(change.late > 0 for change in view.changes)}
 
 
-def _understood(episode: Episode, inferred: InferredGraph) -> str:
-    """What the model says of each responder beside what is true."""
-    names, true = object_names(episode.board), dict(MechanismView(episode).sentences)
-    rows = [
-        (names[index], (markdown_text(named(episode.board, words)), markdown_text(true.get(names[index], ""))))
-        for index, words in enumerate(inferred.words or ())
-        if words
-    ]
-    return markdown([plain_grid(("the model says that it", "in truth it"), rows, "responder")]).strip()
+def _judged(episode: Episode, library: Library) -> tuple[JudgedCauses, Understanding]:
+    """What the model of mechanisms says of a board after all steps, and what is right of it."""
+    reasoner = reasoner_of(MECHANISMS)
+    features = make_extractor(reasoner.encoder).of_episode(episode)
+    judging = ReasonEvaluation(MECHANISMS, images=len(episode.steps) + 1, library=library)
+    judged = judge_episode(episode, judging, features)
+    assert judged.causes is not None  # a drawn board's relations are known
+    assert judged.graph.links is not None  # this model tells links apart
+    return judged.causes, Understanding(MechanismView(episode), judged.graph, judged.graph.links)
+
+
+def _understood(judged: JudgedCauses, understood: Understanding) -> str:
+    """What the model says of each responder beside what is true, and whether it is the same."""
+    rows, true = [], dict(understood.view.sentences)
+    for mechanism in judged.mechanisms:
+        name = understood.view.object_name(mechanism.responder)
+        told = markdown_text(understood.words(mechanism.responder)), markdown_text(true.get(name, ""))
+        rows.append((name, (*told, understood.verdict(mechanism))))
+    heads = ("the model says that it", "in truth it", "verdict")
+    return markdown([plain_grid(heads, rows, "responder")]).strip()
 
 
 def _relation_grid(board: BoardSpec, inferred: InferredGraph) -> Grid:

@@ -19,6 +19,7 @@ import numpy as np
 
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism, available
+from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, LinkRef, Relation
 from busybot.boards.true_causes import Change, Period, changes, lag, periods
@@ -221,9 +222,11 @@ def mechanism_view(episode: Episode) -> MechanismView | None:
 
 
 def label(relation: Relation, mechanism: Mechanism | None) -> str:
-    """Kind, parameters and, where it is not 0, lag: "gate and", "delay 2, lag 2", "unreliable 0.8, lag 0+"."""
+    """Kind, parameters and, where it is not 0, lag: "NAND", "delay 2, lag 2", "unreliable 0.8, lag 0+"."""
     told = [value for name, value in relation.parameters.items() if name != "stream"]
     words = harmless(" ".join(map(str, [relation.kind, *told])))
+    if relation.kind == Gate.kind and "function" in relation.parameters:
+        words = harmless(str(relation.parameters["function"])).upper()  # a logic gate has its function's name
     if mechanism is None or not relation.triggers:
         return words
     lags = sorted({lag(mechanism, reference) for reference in relation.triggers})

@@ -52,7 +52,10 @@ def test_every_input_is_an_edge_of_the_graph(few_objects: Objects) -> None:
         (effect,) = factor.effects
         relation = next(one for one in view.board.relations if one.responder == view.nodes[effect].object)
         assert [(view.nodes[n].object) for n in factor.causes] == [ref.object for ref in relation.triggers]
-        assert factor.label.startswith(relation.kind) and "lag" not in factor.label
+        assert (
+            factor.label == str(relation.parameters.get("function", relation.kind)).upper() or not relation.parameters
+        )
+        assert "lag" not in factor.label
 
 
 def test_lags_clocks_and_locks_are_told(few_objects: Objects) -> None:

@@ -56,11 +56,13 @@ def in_words(sizes: tuple[int, ...], table: tuple[int, ...], inputs: Sequence[st
     if len(sizes) == 1:
         return f"is the opposite of {inputs[0]}" if table == (1, 0) else f"follows {inputs[0]}"
     names = (name for name in (*TRAINED, *HELD_OUT.get(len(sizes), ())) if truth_table(name, sizes) == table)
-    function = next(names, "a function")
+    function = next(names, None)
+    if function is None:
+        return f"shows a function of {', '.join(inputs)}"
     if function in ("a-and-not-b", "not-a-and-b"):
         yes, no = inputs if function == "a-and-not-b" else reversed(inputs)
         return f"shows {yes} and not {no}"
-    return f"shows {function} of {', '.join(inputs)}"
+    return f"shows {function.upper()}({', '.join(inputs)})"
 
 
 class Gate(Mechanism):

@@ -3,10 +3,14 @@
 At the left the true graph over the board: what a mechanism reads leads to its tag, its tag to what it decides; locks
 are dashed. At the right the same in words. Below, what every link and responder showed at each step: an arrow leads
 from the action that moved a link to the change that goes back to it, however much later that came.
+
+`understood_figure` draws in the same way what a model says of such a board.
 """
 
 import textwrap
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +19,26 @@ from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from busybot.boards.true_causes import Change, periods
 from busybot.episodes.episode import Episode
+from busybot.view.annotations import Verdict, drawing_scale
 from busybot.view.figures import parts
-from busybot.view.label_places import place_between
-from busybot.view.mechanisms import Factor, MechanismView
-from busybot.view.palette import ACTION, FACTORS, INK, LOCK, MUTED, PAPER, ROLES, STATES, WRONG, mix, unit
+from busybot.view.label_places import Legs, label_boxes, place_beside, place_between
+from busybot.view.mechanisms import Factor, Kind, MechanismView, harmless
+from busybot.view.palette import (
+    ACTION,
+    FACTORS,
+    INK,
+    LOCK,
+    MUTED,
+    PAPER,
+    ROLES,
+    STATES,
+    VERDICTS,
+    WRONG,
+    Rgb,
+    mix,
+    unit,
+)
+from busybot.view.understood import Understanding
 
 SIDE = 5.2
 """Width and height of the board, inches."""
@@ -58,6 +78,34 @@ def mechanism_figure(path: Path, episode: Episode) -> Path:
     return parts.save_png(figure, path)
 
 
+def understood_figure(path: Path, understood: Understanding) -> Path:
+    """What a model claims of an episode's board, over it: a tag joins what decides a responder together."""
+    view = understood.view
+    figure = parts.page(6.4, 6.75)
+    axes = figure.subplots()
+    parts.draw_picture(axes, view.episode, view.episode.image(0), paleness=0.5)
+    claims = understood.claims
+    factors = [claim.factor for claim in claims]
+    layout = _layout(view, [(one.causes, one.effects) for one in factors])
+    for claim, middle in zip(claims, _tag_places(view, layout, factors), strict=True):
+        for cause, verdict in zip(claim.factor.causes, claim.verdicts, strict=True):
+            parts.draw_line(axes, layout.ends[cause], middle, VERDICTS[verdict], verdict == "missed")
+        for effect in claim.factor.effects:
+            parts.draw_arc(axes, middle, layout.ends[effect], VERDICTS[claim.verdict], False, 0.0, width=1.5, head=10)
+        parts.draw_label(axes, middle, claim.factor.label, VERDICTS[claim.verdict], 5.5)
+    _draw_nodes(axes, layout)
+    told = f"inferred by {understood.inferred.name} after {len(view.episode.steps)} steps"
+    parts.draw_title(axes, f"board {view.board.index}", told)
+    verdicts = Counter(verdict for claim in claims for verdict in claim.verdicts)
+    lines: dict[Verdict, str] = {"correct": "-", "wrong": "-", "missed": "--"}
+    keys = [
+        parts.line_key(f"{verdicts[name]} {name}", VERDICTS[name], linewidth=2.2, linestyle=line)
+        for name, line in lines.items()
+    ]
+    parts.draw_legend(figure, keys)
+    return parts.save_png(figure, path)
+
+
 def _all_factors(view: MechanismView) -> list[Factor]:
     """Those of the new board, then those that take the place of others, with the step from which on they do."""
     found = {factor.key: factor for factor in view.factors(0)}
@@ -67,26 +115,83 @@ def _all_factors(view: MechanismView) -> list[Factor]:
     return list(found.values())
 
 
+@dataclass(frozen=True)
+class _Layout:
+    """Where a graph's nodes and names stand, drawing units.
+
+    Attributes:
+        ends: (N, 2), where the lines of each node begin and end: at an object's middle, or at a link's name beside it.
+        named: (M, 2), where the names stand, those of the nodes first; then those of objects with several links.
+        names, roles: of these M.
+    """
+
+    ends: np.ndarray
+    named: np.ndarray
+    names: list[str]
+    roles: list[str]
+
+
+def _layout(view: MechanismView, legs: Sequence[Legs]) -> _Layout:
+    """Objects are named below them; links of an object that has several beside it, in a row or a column.
+
+    Args:
+        legs: causes and effects of what stands between nodes.
+    """
+    below, ends = parts.name_places(view.episode), view.places.copy()
+    names = [harmless(node.link or node.name) for node in view.nodes]
+    several = sorted({node.object for node in view.nodes if node.link})
+    objects = view.episode.image(0).boxes * drawing_scale(view.episode) / LETTERS
+    taken = label_boxes(below / LETTERS, [view.object_name(index) for index in range(len(below))])
+    for index in several:
+        own = [n for n, node in enumerate(view.nodes) if node.object == index]
+        texts = [names[n] for n in own]
+        aims = [[view.places[list(effects)].mean(0) for causes, effects in legs if n in causes] for n in own]
+        targets = [np.reshape(aim, (-1, 2)) / LETTERS for aim in aims]
+        bounds = np.concatenate(view.bounds(0.0)) / LETTERS
+        places = place_beside(objects[index], texts, targets, taken, objects, bounds)
+        ends[own], taken = places * LETTERS, np.concatenate([taken, label_boxes(places, texts)])
+    named = [end if node.link else below[node.object] for node, end in zip(view.nodes, ends, strict=True)]
+    owners = [*(node.object for node in view.nodes), *several]
+    return _Layout(
+        ends,
+        np.concatenate([np.reshape(named, (-1, 2)), below[several]]),
+        names + [view.object_name(index) for index in several],
+        [view.board.objects[index].role for index in owners],
+    )
+
+
 def _draw_graph(axes: Any, view: MechanismView, factors: list[Factor]) -> None:
-    """Names stand below their objects, those of several links of one object where their lines begin."""
-    below = parts.name_places(view.episode)
-    named = [place if node.link else below[node.object] for node, place in zip(view.nodes, view.places, strict=True)]
-    for factor, middle in zip(factors, _tag_places(view, factors, np.array(named)), strict=True):
-        color, dashed = FACTORS[factor.kind], factor.kind == "lock"
+    layout = _layout(view, [(one.causes, one.effects) for one in factors])
+    colors = _shades([factor.kind for factor in factors])
+    for factor, middle, color in zip(factors, _tag_places(view, layout, factors), colors, strict=True):
+        dashed = factor.kind == "lock"
         for cause in factor.causes:
-            parts.draw_line(axes, view.places[cause], middle, color, dashed)
+            parts.draw_line(axes, layout.ends[cause], middle, color, dashed)
         for effect in factor.effects:
-            parts.draw_arc(axes, middle, view.places[effect], color, dashed, 0.0, width=1.5, head=10)
+            parts.draw_arc(axes, middle, layout.ends[effect], color, dashed, 0.0, width=1.5, head=10)
         parts.draw_label(axes, middle, factor.label, color, 5.5)
-    for node, place in zip(view.nodes, named, strict=True):
-        parts.draw_tag(axes, place, node.name, ROLES[view.board.objects[node.object].role], 6.0, zorder=9)
+    _draw_nodes(axes, layout)
 
 
-def _tag_places(view: MechanismView, factors: list[Factor], named: np.ndarray) -> np.ndarray:
+def _shades(kinds: Sequence[Kind]) -> list[Rgb]:
+    """The colours of the kinds, in turns as they are, darker and paler, so that lines can be told apart that cross."""
+    tones, before = ((PAPER, 0.0), (INK, 0.45), (PAPER, 0.3)), Counter[Kind]()
+    shades = []
+    for kind in kinds:
+        shades.append(mix(FACTORS[kind], *tones[before[kind] % len(tones)]))
+        before[kind] += 1
+    return shades
+
+
+def _draw_nodes(axes: Any, layout: _Layout) -> None:
+    for name, place, role in zip(layout.names, layout.named, layout.roles, strict=True):
+        parts.draw_tag(axes, place, name, ROLES[role], 6.0, zorder=9)
+
+
+def _tag_places(view: MechanismView, layout: _Layout, factors: list[Factor]) -> np.ndarray:
     """Where the mechanisms' tags stand, drawing units: on the board, whatever would be the best place."""
     legs, texts = [(one.causes, one.effects) for one in factors], [one.label for one in factors]
-    names = [node.name for node in view.nodes]
-    places = place_between(view.places / LETTERS, named / LETTERS, names, legs, texts) * LETTERS
+    places = place_between(layout.ends / LETTERS, layout.named / LETTERS, layout.names, legs, texts) * LETTERS
     return places.clip(*view.bounds(30.0))
 
 

@@ -75,7 +75,10 @@ def board_face(image: Image, objects: np.ndarray, camera: Camera, size: tuple[fl
 
 
 def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
-    """The pixels `own` (bool (H, W)) as a surface whose rim falls down to the board; None if nothing is visible."""
+    """The pixels `own` (bool (H, W)) as a surface whose rim falls down to the board; None if nothing is visible.
+
+    Where the camera measured no depth, the surface has a hole.
+    """
     assert image.depth is not None
     box = cv2.boundingRect(own.astype(np.uint8))
     if box[2] == 0:
@@ -85,15 +88,19 @@ def object_relief(image: Image, own: np.ndarray, rays: Rays) -> Relief | None:
     inner = own[rows, columns].astype(np.uint8)
     solid = np.asarray(cv2.morphologyEx(inner, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), np.uint8)
     inner = solid if solid.any() else inner  # parts of one or two pixels' width would stand there as tall thin fences
-    used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool)
+    depth = image.depth[rows, columns]
+    used = cv2.dilate(inner, np.ones((3, 3), np.uint8)).astype(bool) & ((inner == 0) | (depth > 0))
     directions = rays.directions[rows, columns]
-    points = directions * image.depth[rows, columns, None] + rays.origin
+    points = directions * depth[..., None] + rays.origin
     rim = used & (inner == 0)
     points[rim] = (directions * (-rays.origin[2] / directions[..., 2:]) + rays.origin)[rim]  # on the board, z = 0
     colors = np.where(rim[..., None], _rim_colors(image.rgb[rows, columns], inner), image.rgb[rows, columns])
     number = np.full(used.shape, -1)
     number[used] = np.arange(int(used.sum()))
-    return Relief(points[used].astype(np.float32), _triangles(number), colors[used].astype(np.uint8))
+    triangles = _triangles(number)
+    if not inner[used][triangles].any():
+        return None  # nothing but rim: the object itself is one hole
+    return Relief(points[used].astype(np.float32), triangles, colors[used].astype(np.uint8))
 
 
 def _rim_colors(rgb: np.ndarray, inner: np.ndarray) -> np.ndarray:

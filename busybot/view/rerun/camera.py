@@ -82,7 +82,8 @@ def log_depth(recording: rr.RecordingStream, episode: Episode, frame: int) -> No
     scale = 2e-4  # board units per stored step; enough for the eye and much smaller than the recording's
     stored = DepthScale(offset=0.0, scale=scale).quantise(depth)
     first = episode.image(0).depth
-    seen = first[first > 0] if first is not None else depth[depth > 0]
+    compared = first if first is not None and (first > 0).any() else depth
+    seen = compared[compared > 0]
     low, high = (float(x) / scale for x in np.percentile(seen, [0.2, 99.8]))
     image = rr.EncodedDepthImage(
         blob=encode_plain(stored), media_type="image/png", meter=1 / scale, colormap="viridis", depth_range=[low, high]

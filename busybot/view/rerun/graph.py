@@ -10,7 +10,7 @@ import rerun as rr
 
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import Edge, anchors, drawing_scale, object_names
-from busybot.view.label_places import place_between, place_labels
+from busybot.view.label_places import label_boxes, place_between, place_labels
 from busybot.view.mechanisms import MechanismView
 from busybot.view.palette import ACTION, FACTORS, ROLES, TRUTH, VERDICTS
 
@@ -29,6 +29,13 @@ def edge_places(episode: Episode, pairs: list[tuple[int, int]]) -> dict[tuple[in
     names = object_names(episode.board)
     points = place_labels(graph_positions(episode), names, pairs, [LONGEST_LABEL] * len(pairs))
     return dict(zip(pairs, points, strict=True))
+
+
+def label_extents(episode: Episode, pairs: list[tuple[int, int]]) -> np.ndarray:
+    """Boxes of all labels of a graph of objects with these edges, (B, 4), graph units."""
+    places, texts = list(edge_places(episode, pairs).values()), object_names(episode.board)
+    middles = np.concatenate([graph_positions(episode), np.reshape(places, (-1, 2))])
+    return label_boxes(middles, texts + [LONGEST_LABEL] * len(places))
 
 
 def log_graph(
@@ -98,3 +105,11 @@ def factor_places(view: MechanismView) -> dict[str, np.ndarray]:
     legs = [(factor.causes, factor.effects) for factor in factors.values()]
     places = view.places * SPREAD
     return dict(zip(factors, place_between(places, places, names, legs, texts), strict=True))
+
+
+def mechanism_extents(view: MechanismView) -> np.ndarray:
+    """Boxes of all labels of the true graph, (B, 4), graph units."""
+    labels = {factor.key: factor.label for moment in view.moments for factor in view.factors(moment)}
+    places = factor_places(view)
+    middles = np.concatenate([view.places * SPREAD, np.reshape([places[key] for key in labels], (-1, 2))])
+    return label_boxes(middles, [*(node.name for node in view.nodes), *labels.values()])

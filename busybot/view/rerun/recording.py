@@ -23,22 +23,29 @@ from busybot.interact.policy.policy_trace import PolicyTrace
 from busybot.reason.evaluation.prediction import Explanation
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import board_bounds, check_inferred, judged_edges, pairs_ever, true_edges
-from busybot.view.mechanisms import mechanism_view
+from busybot.view.mechanisms import MechanismView, mechanism_view
 from busybot.view.rerun import camera, series, skills
 from busybot.view.rerun.board import BoardLogger
-from busybot.view.rerun.graph import edge_places, factor_places, graph_positions, log_graph, log_mechanisms
+from busybot.view.rerun.graph import (
+    edge_places,
+    factor_places,
+    label_extents,
+    log_graph,
+    log_mechanisms,
+    mechanism_extents,
+)
 
 APPLICATION = "busybot"
 _BATCHES = rr.ChunkBatcherConfig(flush_tick=3600.0)
 """Chunks by size, not by the clock: equal episodes give equal chunks."""
 BACKGROUND = (13, 16, 17)
-GRAPH_MARGIN = 44.0
-"""Around the outermost nodes, graph units."""
+GRAPH_MARGIN = 14.0
+"""Around the outermost labels, graph units."""
 COLUMNS = [1, 0.95, 1.12]
 GOAL_COLUMN = 1
 CHOICE_WORDS = "Choice: candidates black, repeats orange"
-LEGEND_SHARE = 0.38
-"""Of a plot's width, kept free for its legend."""
+LEGEND_EDGE, LEGEND_LETTER, LEGEND_MOST = 0.07, 0.0155, 0.5
+"""Shares of a plot's width (in a window 1600 pixels wide) that its legend takes: by itself, for a letter, at most."""
 
 LAYERS = {
     "replayed": (camera.SIMULATOR, "Simulator, the step put back: violet differs"),
@@ -63,12 +70,13 @@ class RecordingLayers:
     foreseen: Explanation | None = None
 
 
-def log_episode(recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph] = ()) -> None:
-    """Log all of an episode and what was inferred about it."""
+def log_episode(
+    recording: rr.RecordingStream, episode: Episode, inferred: Sequence[InferredGraph], view: MechanismView | None
+) -> None:
+    """Log all of an episode and what was inferred about it; `view` is its `mechanism_view`."""
     board = BoardLogger(recording, episode)
     series.log_series_styles(recording)
     board.log_static()
-    view = mechanism_view(episode)
     if view is None:
         truth = true_edges(episode.board)
         straight = edge_places(episode, [(edge.cause, edge.effect) for edge in truth])
@@ -136,6 +144,7 @@ def save_rrd(
     for graph in inferred:
         check_inferred(episode, graph)
     name = f"{episode.board.split} board {episode.board.index}, {episode.policy}"
+    view = mechanism_view(episode)
     try:
         # in strict mode a mistake in logging raises; otherwise it would be a warning and a hole in the picture
         with replacing_by_path(path) as temporary, catch_and_log_exceptions(strict=True):
@@ -144,9 +153,9 @@ def save_rrd(
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
-            recording.save(temporary, default_blueprint=blueprint(episode, inferred, layers, menus))
+            recording.save(temporary, default_blueprint=blueprint(episode, inferred, layers, view, menus))
             recording.send_recording_name(name)
-            log_episode(recording, episode, inferred)
+            log_episode(recording, episode, inferred, view)
             log_layers(recording, episode, layers)
             recording.flush()
             recording.disconnect()
@@ -157,11 +166,14 @@ def save_rrd(
 
 
 def blueprint(
-    episode: Episode, inferred: Sequence[InferredGraph], layers: RecordingLayers, menus: bool = True
+    episode: Episode,
+    inferred: Sequence[InferredGraph],
+    layers: RecordingLayers,
+    view: MechanismView | None,
+    menus: bool = True,
 ) -> rrb.Blueprint:
     """The layout of an episode's recording; without `menus` nothing but the views and the time is shown."""
-    names, mechanisms = [graph.name for graph in inferred], episode.board.world != PAPER
-    graphs = graph_views(episode, names, mechanisms)
+    graphs = graph_views(episode, inferred, view)
     if skills.has_choices(episode):
         graphs = rrb.Tabs(_picture_view(episode, skills.CHOICE, CHOICE_WORDS), *graphs.contents)
     upper = [camera_views(episode, layers), graphs, board_view()]
@@ -169,13 +181,13 @@ def blueprint(
     if episode.goal is not None:
         upper.insert(1, _picture_view(episode, camera.GOAL, "Goal: red differs still"))
         shares.insert(1, GOAL_COLUMN)
-    beliefs = [belief_views(episode, names)] if names else []
+    beliefs = [belief_views(episode, inferred)] if inferred else []
     signals, account = signal_views(episode), account_views(episode, layers.foreseen is not None)
-    if mechanisms:
+    if view is not None:
         words = rrb.TextDocumentView(origin="mechanisms", name="Mechanisms (privileged)")
         signals = rrb.Tabs(words, *signals.contents)
     parts = [signals, *beliefs, account]
-    lower = rrb.Horizontal(*parts, column_shares=COLUMNS if names else [1, 1])
+    lower = rrb.Horizontal(*parts, column_shares=COLUMNS if inferred else [1, 1])
     panel: Literal["collapsed", "hidden"] = "collapsed" if menus else "hidden"
     return rrb.Blueprint(
         rrb.Vertical(rrb.Horizontal(*upper, column_shares=shares), lower, row_shares=[1.6, 1]),
@@ -200,16 +212,32 @@ def _picture_view(episode: Episode, origin: str, name: str) -> Any:
     return rrb.Spatial2DView(origin=origin, name=name, visual_bounds=bounds, background=BACKGROUND)
 
 
-def graph_views(episode: Episode, names: list[str], mechanisms: bool = False) -> Any:
+def graph_views(episode: Episode, inferred: Sequence[InferredGraph], view: MechanismView | None) -> Any:
     """Inferred scene graphs first, the true one behind them, in the camera's layout; mechanisms stand before both."""
-    places = graph_positions(episode)  # with room for labels; square, as the graph keeps its aspect
-    low, high = places.min(0), places.max(0)
+    views = [
+        rrb.GraphView(
+            origin=f"graph/{graph.name}",
+            name=f"Inferred scene graph: {graph.name}",
+            visual_bounds=_around(label_extents(episode, pairs_ever(episode.board, graph))),
+        )
+        for graph in inferred
+    ]
+    if view is None:
+        extents = label_extents(episode, [(edge.cause, edge.effect) for edge in true_edges(episode.board)])
+        return rrb.Tabs(*views, _true_view("True scene graph", extents))
+    name = "True mechanisms: chance teal, clocks grey, locks brown"
+    return rrb.Tabs(_true_view(name, mechanism_extents(view)), *views)
+
+
+def _true_view(name: str, extents: np.ndarray) -> Any:
+    return rrb.GraphView(origin="graph/true", name=name, visual_bounds=_around(extents))
+
+
+def _around(extents: np.ndarray) -> rrb.VisualBounds2D:
+    """A square, as the graph keeps its aspect, around boxes (B, 4)."""
+    low, high = extents[:, :2].min(0), extents[:, 2:].max(0)
     half = np.max(high - low) / 2 + GRAPH_MARGIN
-    bounds = _bounds((low + high) / 2 - half, (low + high) / 2 + half)
-    views = [rrb.GraphView(origin=f"graph/{n}", name=f"Inferred scene graph: {n}", visual_bounds=bounds) for n in names]
-    name = "True mechanisms: chance teal, clocks grey, locks brown" if mechanisms else "True scene graph"
-    true = rrb.GraphView(origin="graph/true", name=name, visual_bounds=bounds)
-    return rrb.Tabs(true, *views) if mechanisms else rrb.Tabs(*views, true)
+    return _bounds((low + high) / 2 - half, (low + high) / 2 + half)
 
 
 def _bounds(low: np.ndarray, high: np.ndarray) -> rrb.VisualBounds2D:
@@ -249,11 +277,11 @@ def _steps_axis(last: int) -> Any:
     return rrb.TimeAxis(view_range=rrb.TimeRange(start=start, end=end))
 
 
-def belief_views(episode: Episode, names: list[str]) -> Any:
+def belief_views(episode: Episode, inferred: Sequence[InferredGraph]) -> Any:
     """Probabilities of the edges worth a curve, and of all pairs as a heat map, for each reasoner."""
-    last = round(len(episode.steps) * (1 + LEGEND_SHARE))
     views: list[Any] = []
-    for name in names:
+    for graph in inferred:
+        name, last = graph.name, round(len(episode.steps) / (1 - _legend_share(episode, graph)))
         curves = rrb.TimeSeriesView(
             origin=f"inference/{name}/edges",
             name=f"Edge probabilities: {name}",
@@ -269,6 +297,12 @@ def belief_views(episode: Episode, names: list[str]) -> Any:
         )
         views += [curves, heat]
     return rrb.Tabs(*views)
+
+
+def _legend_share(episode: Episode, inferred: InferredGraph) -> float:
+    """Of a plot's width, kept free for its legend at the right."""
+    longest = max(map(len, series.curve_names(episode, inferred).values()), default=0)
+    return min(LEGEND_EDGE + LEGEND_LETTER * longest, LEGEND_MOST)
 
 
 def account_views(episode: Episode, foreseen: bool) -> Any:

@@ -48,16 +48,22 @@ def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred:
 
     Pairs with a curve are the true ones, in cool colours, and in warm ones those that ever seemed possible.
     """
-    path, names, truth = ["inference", inferred.name], object_names(episode.board), truth_matrix(episode.board)
-    pairs = [(int(i), int(j)) for i, j in np.argwhere(truth | (inferred.probabilities.max(0) >= SHOWN_PROBABILITY))]
+    path, truth, names = ["inference", inferred.name], truth_matrix(episode.board), curve_names(episode, inferred)
     matrix = inferred.after(frame)
     tensor = rr.Tensor(matrix.astype(np.float32), dim_names=("cause", "effect"), value_range=[0, 1])
     recording.log([*path, "probabilities"], tensor)
-    for (i, j), color in zip(pairs, curve_colors([bool(truth[pair]) for pair in pairs]), strict=True):
+    for (i, j), color in zip(names, curve_colors([bool(truth[pair]) for pair in names]), strict=True):
         if frame == 0:
-            style = rr.SeriesLines(colors=[color], names=[f"{names[i]} → {names[j]}"], widths=[2.0])
+            style = rr.SeriesLines(colors=[color], names=[names[i, j]], widths=[2.0])
             recording.log([*path, "edges", f"{i}-{j}"], style, static=True)
         recording.log([*path, "edges", f"{i}-{j}"], rr.Scalars(float(matrix[i, j])))
+
+
+def curve_names(episode: Episode, inferred: InferredGraph) -> dict[tuple[int, int], str]:
+    """The pairs that have a curve, and what it is called: "switch 2 → lamp 5"."""
+    names, truth = object_names(episode.board), truth_matrix(episode.board)
+    shown = truth | (inferred.probabilities.max(0) >= SHOWN_PROBABILITY)
+    return {(int(i), int(j)): f"{names[i]} → {names[j]}" for i, j in np.argwhere(shown)}
 
 
 def log_states(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:

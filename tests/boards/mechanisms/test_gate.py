@@ -70,5 +70,5 @@ def test_words() -> None:
         return Gate(sizes=(2, 2), table=truth_table(function, (2, 2)), function=function).sentence(["a", "b"])
 
     assert said("a-and-not-b") == "shows a and not b" and said("not-a-and-b") == "shows b and not a"
-    assert said("nand") == "shows nand of a, b"
+    assert said("nand") == "shows NAND(a, b)"
     assert in_words((2, 2), (0, 0, 1, 1), ["a", "b"]) == "shows a function of a, b"

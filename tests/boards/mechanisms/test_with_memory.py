@@ -99,7 +99,7 @@ def test_the_split_of_new_mechanisms_has_the_toggle_and_training_the_timer_and_t
 def test_words() -> None:
     assert Delay(sizes=(2,), table=(0, 1), actions=1).sentence(["a"]) == "follows a, 1 action later"
     both = Delay(sizes=(2, 2), table=truth_table("nand", (2, 2)), actions=2)
-    assert both.sentence(["a", "b"]) == "shows nand of a, b, 2 actions later"
+    assert both.sentence(["a", "b"]) == "shows NAND(a, b), 2 actions later"
     assert Timer(sizes=(2,), table=(0, 1), actions=3).sentence(["a"]) == "is on for 3 actions after a is pressed"
     assert Timer(sizes=(2,), table=(1, 0), actions=3).sentence(["a"]) == "is off for 3 actions after a is pressed"
     assert Toggle(sizes=(2,), table=(0, 1)).sentence(["a"]) == "changes with every press of a"

@@ -11,7 +11,8 @@ import pytest
 from busybot.boards.worlds import WORLDS
 from busybot.episodes.episode import Episode, Link
 from busybot.view.figures.episode import _otherwise, episode_figure
-from busybot.view.figures.mechanisms import mechanism_figure
+from busybot.view.figures.mechanisms import LETTERS, _layout, _shades, mechanism_figure
+from busybot.view.label_places import label_boxes
 from busybot.view.mechanisms import MechanismView
 from busybot.view.palette import ACTION, FACTORS, WRONG
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
@@ -45,6 +46,27 @@ def test_equal_episodes_give_equal_bytes(few_objects: Objects, tmp_path: Path) -
     first = mechanism_figure(tmp_path / "a" / "1.png", episode_of(few_objects(0), "mixed"))
     second = mechanism_figure(tmp_path / "2.png", episode_of(few_objects(0), "mixed"))
     assert first.read_bytes() == second.read_bytes()
+
+
+def test_links_of_one_object_are_named_beside_it_and_cover_no_other_name(few_objects: Objects) -> None:
+    for board in world_boards(few_objects(0), "gates", 4):
+        view = MechanismView(make_world_episode(board, library_at(few_objects(0))))
+        layout = _layout(view, [(factor.causes, factor.effects) for factor in view.factors(0)])
+        several = {node.object for node in view.nodes if node.link}
+        assert layout.names[len(view.nodes) :] == [view.object_name(index) for index in sorted(several)]
+        boxes = label_boxes(layout.named / LETTERS, layout.names)
+        for number, node in enumerate(view.nodes):
+            if node.link:
+                assert layout.names[number] == node.link
+                others = np.delete(boxes, number, axis=0)
+                sides = np.minimum(boxes[number, 2:], others[:, 2:]) - np.maximum(boxes[number, :2], others[:, :2])
+                assert not (sides > 0).all(1).any(), (board.index, node)
+
+
+def test_mechanisms_of_one_type_differ_in_brightness() -> None:
+    first, second, third, other = _shades(["mechanism", "mechanism", "mechanism", "lock"])
+    assert (first, other) == (FACTORS["mechanism"], FACTORS["lock"])
+    assert sum(second) < sum(first) < sum(third)
 
 
 @pytest.mark.long

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from busybot.episodes.camera import Rays
@@ -48,6 +49,30 @@ def test_a_camera_without_depth_sees_no_objects() -> None:
 def test_what_is_not_visible_has_no_relief() -> None:
     episode = make_episode()
     assert object_relief(episode.image(0), np.zeros((120, 160), bool), Rays(episode.camera)) is None
+
+
+def test_where_no_depth_was_measured_the_surface_has_a_hole() -> None:
+    """A hole's depth is 0, which would be a point at the camera."""
+    episode = make_episode()
+    rays, image = Rays(episode.camera), episode.image(0)
+    own = object_pixels(episode, image, rays) == 1
+    whole = object_relief(image, own, rays)
+    (row, *_), (column, *_) = np.nonzero(cv2.erode(own.astype(np.uint8), np.ones((3, 3), np.uint8)))
+    image.depth[row, column] = 0
+    image.depth[own.nonzero()[0].max() + 1] = 0  # also in the rim, which lies on the board whatever was measured
+    pierced = object_relief(image, own, rays)
+    assert whole is not None and pierced is not None
+    assert pierced.vertices[:, 2].max() == whole.vertices[:, 2].max() < 1
+    assert len(pierced.vertices) == len(whole.vertices) - 1
+    assert len(pierced.triangles) == len(whole.triangles) - 8, "the four squares around the pixel"
+
+
+def test_an_object_without_any_depth_has_no_relief() -> None:
+    episode = make_episode()
+    rays, image = Rays(episode.camera), episode.image(0)
+    own = object_pixels(episode, image, rays) == 1
+    image.depth[own] = 0
+    assert object_relief(image, own, rays) is None
 
 
 def test_the_boards_face_shows_no_object() -> None:

@@ -1,10 +1,12 @@
 """What the recording for Rerun holds."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from busybot.boards.task import goal_responders
@@ -13,8 +15,8 @@ from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.reason.models.base import InferredGraph
-from busybot.view.rerun.graph import graph_positions, place_labels
-from busybot.view.rerun.recording import save_rrd
+from busybot.view.rerun.graph import graph_positions, label_extents, place_labels
+from busybot.view.rerun.recording import _legend_share, graph_views, save_rrd
 from busybot.view.rerun.series import relation_states, said, sentence
 from tests.episodes.synthetic import make_episode, make_real_episode, make_task_episode
 
@@ -142,6 +144,42 @@ def test_a_step_in_words() -> None:
         words = sentence(episode, index)
         assert words.endswith(f"{drives.get(step.acted_object, 'nothing')} changed")
     assert sentence(make_real_episode(), 0).startswith("pull at pixel")
+
+
+def test_a_depth_camera_that_measured_nothing_at_first_is_shown(tmp_path: Path) -> None:
+    episode = make_episode(steps=6)
+    episode.image(0).depth[:] = 0  # type: ignore[index]
+    path = saved(tmp_path / "e.rrd", episode)
+    assert {row["step"] for row in rows(path, "/depth/image")} and "/world/objects/toy\\ 4" in entities(path)
+
+
+def test_all_labels_of_a_graph_are_in_view() -> None:
+    episode = with_long_names(make_episode())
+    for views in (graph_views(episode, [GUESS], None).contents, graph_views(episode, [], None).contents):
+        for view in views:
+            bounds = view.properties["VisualBounds2D"]
+            pairs = [(0, 1), (3, 2)]
+            low, high = (np.array([axis[end] for axis in ranges(bounds)]) for end in (0, 1))
+            extents = label_extents(episode, pairs)
+            assert (extents[:, :2] > low).all() and (extents[:, 2:] < high).all()
+            assert (high - low)[0] == pytest.approx((high - low)[1])
+
+
+def with_long_names(episode: Episode) -> Episode:
+    objects = tuple(one.model_copy(update={"key": f"Worktop{one.key}"}) for one in episode.board.objects)
+    return replace(episode, board=episode.board.model_copy(update={"objects": objects}))
+
+
+def ranges(bounds: rrb.VisualBounds2D) -> list[list[float]]:
+    (values,) = bounds.range.as_arrow_array().to_pylist()
+    return [values["x_range"], values["y_range"]]
+
+
+def test_curves_end_where_their_legend_begins() -> None:
+    """The longer the names, the earlier; half of a plot is for curves at least."""
+    episode = make_episode()
+    short = _legend_share(episode, GUESS)
+    assert 0.25 < short < _legend_share(with_long_names(episode), GUESS) <= 0.5
 
 
 def test_an_edges_label_and_line_avoid_other_nodes() -> None:

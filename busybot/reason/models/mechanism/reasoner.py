@@ -338,7 +338,7 @@ class MechanismReasoner:
             shares, changed = self._at_the_end(seen)
             shares, since = shares[..., 0], np.zeros(len(shares), int)
             if changed is not None:
-                since = np.where(changed[:, 0] > CHANGED, study.changes.places, 0)
+                since = np.where(changed[:, 0] > CHANGED, study.places, 0)
             early = shares
             if since.any():
                 each, _ = self._after_each(seen)

@@ -351,6 +351,15 @@ class MechanismNet(nn.Module):
             told = torch.cat([told * (1 - unsteady), told * unsteady, unsteady.expand(-1, told.shape[1], 1)], -1)
         return torch.as_tensor((self.change(torch.cat([around, told], -1)) + self.odds(told))[..., 0])
 
+    @torch.no_grad()
+    def correct_changes(self, scale: float, shift: float) -> None:
+        """Put `scale` times what was said of changes, and `shift` more, in its place: log odds."""
+        last = self.change[-1]
+        assert isinstance(last, nn.Linear)
+        for weights in (last.weight, last.bias, self.odds.weight):
+            weights.mul_(scale)
+        last.bias.add_(shift)
+
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
         """Log softmax over the explanations of each responder."""
         logits = logits.masked_fill(~node.possible[:, None], IMPOSSIBLE)

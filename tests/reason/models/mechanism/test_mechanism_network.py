@@ -28,7 +28,7 @@ from busybot.reason.models.mechanism.contexts import (
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.networks import BoardFacts, MechanismNet, explanation_graph, parents_of
 from busybot.reason.models.mechanism.training import learner
-from busybot.reason.models.mechanism.training.labelled import LabelledTrace
+from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards
 from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
@@ -299,6 +299,39 @@ def test_boards_whose_true_parents_no_explanation_reads_teach_nothing_wrong(gate
 def test_changes_need_not_be_learned(gates: list[LabelledTrace]) -> None:
     learner = MechanismLearner(MechanismConfig(net=MechanismNetConfig(changes=False)), gates[:2], gates[2:4], 0)
     assert math.isfinite(learner.iterate(0)[0]) and math.isfinite(learner.judge()["loss"])
+
+
+def test_log_odds_are_made_as_sure_as_they_are_right() -> None:
+    rng = torch.Generator().manual_seed(0)
+    right = 2 * torch.randn(20_000, generator=rng)
+    true = (torch.rand(20_000, generator=rng) < right.sigmoid()).float()
+    scale, shift = learner.logistic(2 * right - 3, true)
+    assert (scale, shift) == pytest.approx((0.5, 1.5), abs=0.1)
+    assert learner.logistic(right, torch.zeros(20_000))[1] < -3, "what never happens is said never to happen"
+
+
+def test_what_is_said_of_changes_is_corrected_at_the_end() -> None:
+    boards = [board for _, board in draw_boards("rewired", 12, 3, find("procedural"), 30)]
+    one = MechanismLearner(MechanismConfig(iterations=0, untold=0.0), boards, [], 0)
+    graph = Batch.from_data_list([boards[0].graph([10, 30])])
+    with torch.no_grad():
+        before = one.network(graph)[2]
+        one.network.correct_changes(2.0, 0.5)
+        assert torch.allclose(one.network(graph)[2], 2 * before + 0.5, atol=1e-5)
+        one.network.correct_changes(0.5, -0.25)
+    one.conclude()
+    said, true = [], []
+    for number in range(len(boards)):
+        known = Batch.from_data_list([one._half_told(number)])
+        with torch.no_grad():
+            said.append(one.network(known)[2].flatten())
+        true.append(known["responder"].changed.float().flatten())
+    assert float(torch.cat(said).sigmoid().mean()) == pytest.approx(float(torch.cat(true).mean()), abs=0.02)
+    gates = [board for _, board in draw_boards("gates", 3, 3, find("procedural"), 30)]
+    never = MechanismLearner(MechanismConfig(iterations=0), gates, [], 0)
+    kept = never.network.change[-1].weight.detach().clone()
+    never.conclude()
+    assert torch.equal(never.network.change[-1].weight, kept), "nothing to learn from"
 
 
 def test_later_actions_do_not_change_what_was_believed(gates: list[LabelledTrace]) -> None:

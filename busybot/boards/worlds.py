@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import Field
 
 from busybot.boards.dynamics import STAGES, Dynamics, Links
-from busybot.boards.mechanisms import OWN, Mechanism, kind_named, mechanism_of
+from busybot.boards.mechanisms import OWN, Mechanism, kind_named, known_kind, mechanism_of
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.scenes import SCENES
 from busybot.boards.spec import BODY, PAPER, WORLDS_VERSION, BoardSpec, LinkRef, Lock, Relation, Rewiring
@@ -357,8 +357,7 @@ class _Draw:
     def _driven(self, responder: int, stage: str | None = None) -> Relation | None:
         """What trigger links drive; None if no kind of the world fits the responder."""
         for _ in range(MECHANISM_TRIES):
-            kind = kind_named(self.names[bisect_left(self.shares, self.rng.random())])
-            assert kind is not None
+            kind = known_kind(self.names[bisect_left(self.shares, self.rng.random())])
             if kind.arity[0] > len(self.active):
                 continue
             numbers = self._inputs(self._count(kind))

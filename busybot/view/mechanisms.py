@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from busybot.boards.dynamics import Dynamics, Links
-from busybot.boards.mechanisms import Mechanism, available
+from busybot.boards.mechanisms import Mechanism, kind_named
 from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, LinkRef, Relation
@@ -274,7 +274,7 @@ def _sizes(
 
 def _fits(relation: Relation, sizes: dict[tuple[int, str], int]) -> bool:
     """Whether the table lists as many states as inputs of these sizes ask for."""
-    kind = available().get(relation.kind)
+    kind = kind_named(relation.kind)
     inputs = [sizes.get((one.object, one.link)) for one in relation.triggers if one.link != BODY]
     if kind is None or None in inputs or len(inputs) < len(relation.triggers):
         return True

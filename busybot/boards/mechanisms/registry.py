@@ -61,6 +61,19 @@ def kind_named(name: str) -> type[Mechanism] | None:
     return available().get(name)
 
 
+def known_kind(name: str) -> type[Mechanism]:
+    """The kind of that name.
+
+    Raises:
+        BusybotError: as `kind_named`, and if there is none.
+    """
+    if (kind := kind_named(name)) is None:
+        known = ", ".join(sorted(available()))
+        hint = f"here are {known}; install the package that brings it"
+        raise BusybotError(f"a relation of the unknown kind {name!r}", hint)
+    return kind
+
+
 def _brought(name: str, known: Mapping[str, type[Mechanism]]) -> type[Mechanism]:
     """What a package brings under a name, if it is a kind and none of the known ones."""
     found, where = plugins.load("mechanisms", name), plugins.where("mechanisms", name)
@@ -80,13 +93,7 @@ def mechanism_of(relation: Relation, sizes: Sequence[int]) -> Mechanism:
     Raises:
         BusybotError: nobody here knows its kind, or it does not fit its inputs.
     """
-    kind = kind_named(relation.kind)
-    if kind is None:
-        known = ", ".join(sorted(available()))
-        raise BusybotError(
-            f"a relation of the unknown kind {relation.kind!r}",
-            f"here are {known}; install the package that brings it",
-        )
+    kind = known_kind(relation.kind)
     own = {name: value for name, value in relation.parameters.items() if name not in RESERVED}
     try:
         return kind(sizes=tuple(sizes), table=relation.states, **own)

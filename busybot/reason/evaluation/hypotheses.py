@@ -20,7 +20,7 @@ from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
-from busybot.boards.mechanisms import Mechanism, kind_named
+from busybot.boards.mechanisms import Mechanism, known_kind
 from busybot.boards.mechanisms.base import Inputs
 from busybot.boards.mechanisms.delay import Delay
 from busybot.boards.mechanisms.direct import OneToOne
@@ -496,16 +496,10 @@ def _drawn(kind: str, sizes: tuple[int, ...], inputs: tuple[int, ...], stages: i
     return found
 
 
-def _known(kind: str) -> type[Mechanism]:
-    found = kind_named(kind)
-    assert found is not None, f"a world has the kind {kind}"
-    return found
-
-
 @lru_cache(maxsize=1024)
 def _outcomes(kind: str, sizes: tuple[int, ...], stages: int, novel: bool) -> list[tuple[float, Mechanism]]:
     """What drawing a mechanism may give."""
-    known = _known(kind)
+    known = known_kind(kind)
     drawn = outcomes(lambda rng: known.draw(sizes, stages, novel, rng))
     return [(weight, mechanism) for weight, mechanism in drawn if mechanism is not None]
 
@@ -516,7 +510,7 @@ def _driven(law: World, novel: bool, sizes: tuple[int, ...], able: Stages) -> _C
     suitable = [states for states, fits in zip((2, 3), able, strict=True) if fits]
     total = sum(law.kinds.values())
     for name, weight in law.kinds.items():
-        for share, count in _counts(law, novel, _known(name), len(sizes)):
+        for share, count in _counts(law, novel, known_kind(name), len(sizes)):
             orders = list(permutations(range(len(sizes)), count))
             for inputs, states in product(orders, suitable):
                 each = weight / total * share / len(orders) / len(suitable)

@@ -146,9 +146,10 @@ class _Law:
         if self._unmet is None:
             followed = self.goals if self.fails else self.counts
             known = {inputs: int(np.argmax(told)) for inputs, told in followed.items()}
-            lasts = self.memory.what == "since"
-            of_sizes = known, self.sizes, self.states, self.rising
-            self._unmet = lasting(known, self.states) if lasts else completed(*of_sizes)
+            if self.memory.what == "since":
+                self._unmet = lasting(known, self.states)
+            else:
+                self._unmet = completed(known, self.sizes, self.states, self.rising)
         shares = self._unmet.get(context[: len(self.inputs)])
         return int(shares.argmax()) if shares is not None and shares.max() > 0.5 else None
 

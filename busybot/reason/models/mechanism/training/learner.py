@@ -83,7 +83,8 @@ def logistic(said: Tensor, true: Tensor) -> tuple[float, float]:
         said: float (n,).
         true: float (n,), 0 or 1.
     """
-    line = torch.tensor([1.0, 0.0], requires_grad=True)
+    start = torch.tensor([1.0, 0.0])
+    line = start.clone().requires_grad_()
     optimizer = torch.optim.LBFGS([line], max_iter=FITS, line_search_fn="strong_wolfe")
 
     def closure() -> Tensor:
@@ -92,7 +93,6 @@ def logistic(said: Tensor, true: Tensor) -> tuple[float, float]:
         loss.backward()
         return loss
 
-    start = line.detach().clone()
     optimizer.step(closure)
     scale, shift = line.tolist()
     return scale, shift

@@ -188,7 +188,7 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
-    ever = (inferred.probabilities > inferred.threshold).any(0)
+    ever = (np.stack([inferred.after(0), *inferred.probabilities]) > inferred.threshold).any(0)
     for period in periods(board):
         ever = ever | truth_matrix(board, period.since)
     return [(int(i), int(j)) for i, j in np.argwhere(ever)]

@@ -15,6 +15,7 @@ from busybot.view.annotations import (
     delta,
     judged_edges,
     object_names,
+    pairs_ever,
     true_edges,
 )
 from tests.episodes.synthetic import DELTA, make_episode, make_real_episode
@@ -64,6 +65,15 @@ def test_edges_are_right_wrong_or_missed() -> None:
     assert [(edge.cause, edge.effect) for edge in true_edges(board)] == [(0, 1), (3, 2)]
     verdicts = {(e.cause, e.effect): e.verdict for e in judged_edges(board, graph((0, 1, 0.9), (0, 4, 0.6)), 1)}
     assert verdicts == {(0, 1): "correct", (0, 4): "wrong", (3, 2): "missed"}
+
+
+def test_an_edge_that_was_claimed_before_the_first_step_alone_has_a_place() -> None:
+    board, prior = make_episode().board, np.zeros((5, 5))
+    prior[0, 4] = 0.9
+    guess = replace(graph((0, 1, 0.9)), prior=prior)
+    edges = {(edge.cause, edge.effect) for steps in range(6) for edge in judged_edges(board, guess, steps)}
+    assert (0, 4) in edges
+    assert set(pairs_ever(board, guess)) == edges
 
 
 def test_beliefs_start_at_nothing_and_stay_after_the_last_step() -> None:

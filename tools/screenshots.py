@@ -1,8 +1,9 @@
-"""`python tools/screenshots.py`: pictures of others' tools that show recordings and exports, for the documentation.
+"""`python tools/screenshots.py`: pictures of the viewer, and of others' tools that show recordings, for the documentation.
 
-Real programs, nothing drawn after: Foxglove Studio 1.48 (the last open one, as npm has it) with the layout of
-docs/reference, Rerun's viewer with a recording alone, and an exported table as `datasets` loads and pandas prints it.
-Needs `make check-exports` (for the table), npm and Chromium: `apt-get install npm chromium-headless-shell`.
+Real programs, nothing drawn after: busybot's view of a board of gates, Foxglove Studio 1.48 (the last open one, as npm
+has it) with the layout of docs/reference, Rerun's viewer with a recording alone, and an exported table as `datasets`
+loads and pandas prints it. The first needs nothing; the others need `make check-exports` (for the table), npm and
+Chromium: `apt-get install npm chromium-headless-shell`.
 """
 
 import argparse
@@ -25,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EPISODE = ROOT / "datasets" / "tiny" / "episodes" / "000003.mcap"
 LAYOUT = ROOT / "docs" / "reference" / "foxglove-layout.json"
 STUDIO = ("@foxglove/studio-base@1.48.0", "react@18.3.1", "react-dom@18.3.1")
+PICTURES = {"viewer": "viewer.png"} | {one: f"opened-{one}.png" for one in ("foxglove", "rerun", "table")}
 SECONDS = 25
 """That a page has for loading and drawing, without a graphics card."""
 TABLE = """
@@ -96,14 +98,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("--tools", type=Path, default=ROOT / ".tools", help="folder of the environments")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "images", help="folder for the pictures")
-    parser.add_argument(
-        "--only", choices=["foxglove", "rerun", "table"], nargs="+", default=["foxglove", "rerun", "table"]
-    )
+    parser.add_argument("--only", choices=list(PICTURES), nargs="+", default=list(PICTURES))
     told = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         for one in told.only:
-            picture = told.out.absolute() / f"opened-{one}.png"
-            if one == "foxglove":
+            picture = told.out.absolute() / PICTURES[one]
+            if one == "viewer":
+                viewer(Path(name), picture)
+            elif one == "foxglove":
                 foxglove(told.tools.absolute() / "foxglove", picture)
             elif one == "rerun":
                 save_screenshot(Path(shutil.copy(EPISODE, name)), picture, None)
@@ -112,6 +114,18 @@ def main() -> int:
             _smaller(picture)
             print(f"{picture}: {picture.stat().st_size // 1000} kB")
     return 0
+
+
+def viewer(folder: Path, picture: Path) -> None:
+    """A board of gates, and what the shipped `mechanism` model makes of it."""
+    boards = f"{folder}/boards"
+    busybot("generate", boards, "--world", "gates", "--boards", "1", "--split", "novel-config", "--seed", "5")
+    busybot("collect", boards, "--policy", "scripted")
+    busybot("view", boards, "--reasoner", "mechanism", "--screenshot", str(picture))
+
+
+def busybot(*words: str) -> None:
+    subprocess.run([sys.executable, "-m", "busybot", *words, "--quiet"], check=True)
 
 
 def foxglove(place: Path, picture: Path) -> None:
@@ -131,8 +145,7 @@ def foxglove(place: Path, picture: Path) -> None:
 
 def table(environment: Path, folder: Path, picture: Path) -> None:
     """Five rows of the export for Hugging Face's library."""
-    export = ["dataset", "export", str(EPISODE.parents[1]), "--to", "hf", "--out", f"{folder}/hf", "--quiet"]
-    subprocess.run([sys.executable, "-m", "busybot", *export], check=True)
+    busybot("dataset", "export", str(EPISODE.parents[1]), "--to", "hf", "--out", f"{folder}/hf")
     command = [str(environment / "bin" / "python"), "-c", TABLE, f"{folder}/hf"]
     offline = {"HF_HUB_OFFLINE": "1", "HF_HOME": str(folder), "HF_DATASETS_DISABLE_PROGRESS_BARS": "1"}
     html = subprocess.run(command, env=offline, check=True, capture_output=True, text=True).stdout

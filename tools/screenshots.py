@@ -1,4 +1,4 @@
-"""`python tools/screenshots.py`: pictures of the viewer, and of others' tools that show recordings, for the documentation.
+"""`python tools/screenshots.py`: pictures of the viewer, and of others' tools that show recordings, for the docs.
 
 Real programs, nothing drawn after: busybot's view of a board of gates, Foxglove Studio 1.48 (the last open one, as npm
 has it) with the layout of docs/reference, Rerun's viewer with a recording alone, and an exported table as `datasets`

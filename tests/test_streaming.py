@@ -2,7 +2,10 @@
 
 import json
 import sys
+import threading
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import fsspec
@@ -71,6 +74,29 @@ def test_it_is_the_dataset_that_was_put_there(store: fsspec.AbstractFileSystem, 
         np.testing.assert_array_equal(episode.depth[-1], same.depth[-1])
     with pytest.raises(BusybotError, match="board 2 has no episode"):
         data[2]
+
+
+@pytest.fixture
+def plain_server(tmp_path: Path) -> Iterator[str]:
+    """The address of a folder that Python's own server shows: it lists no sizes, and knows no ranges."""
+    pytest.importorskip("aiohttp")
+    handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def test_from_a_server_that_knows_neither_sizes_nor_ranges(
+    plain_server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = make_dataset(tmp_path / "d")
+    data = busybot.load_dataset(f"{plain_server}/d")
+    assert len(data) == 3 and data.boards() == here.boards()
+    assert data.table("steps").equals(here.table("steps"))
+    monkeypatch.setattr(ranges, "_TAIL_BYTES", 64)
+    monkeypatch.setattr(pictures, "WHOLE_BYTES", 0)
+    np.testing.assert_array_equal(data[1].rgb[2], here[1].rgb[2])
 
 
 def test_a_batch_reads_what_it_shows(

@@ -97,11 +97,12 @@ class BoardConfig(FrozenModel):
         """What is not told follows from the kind of the tasks."""
         if not isinstance(values, dict):
             return values
-        links, found = values.get("links"), dict(values)
-        if values.get("world") in SCENES:
+        found = dict(values)
+        if values.get("world") in tuple(SCENES):  # whatever it is: not all that YAML has can be a key
             found = {"group_size": SCENE_GROUP, "links": None, **found}
-        if isinstance(links, list | tuple) and len(links) == 2 and isinstance(links[1], int) and links[1] > USUAL_LINKS:
-            found = {**_room_for(links[0], links[1]), **found}
+        match values.get("links"):
+            case [int(least), int(most)] if most > USUAL_LINKS:
+                found = {**_room_for(least, most), **found}
         if found.get("world") == REAL_BOARD:
             found = {"boards": 6, "group_size": 6, **found}
         elif found.get("world", PAPER) != PAPER:

@@ -10,7 +10,7 @@ and what follows a restored state is what would have followed then.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, islice
 
 import numpy as np
 
@@ -23,6 +23,7 @@ Triggers = tuple[int, ...]
 """State of each trigger link."""
 STAGES = {"single": 2, "multi": 3}
 """How many states a responder has."""
+HINT_OBJECTS = "use the objects with which the boards were generated"
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class Dynamics:
         lucky: whether chance plays its part; without, whatever may fail succeeds and nothing moves by itself.
 
     Raises:
-        BusybotError: a relation is of an unknown kind, or does not fit the board's links.
+        BusybotError: a relation is of an unknown kind, or relations or states do not fit the board's links.
     """
 
     def __init__(self, board: BoardSpec, links: Links, lucky: bool = True):
@@ -91,6 +92,7 @@ class Dynamics:
             what = f"board {board.index} has {', '.join(map(repr, sorted(board.model_extra)))}, unknown here"
             raise BusybotError(what, "a later version of busybot wrote it")
         self.board, self.links, self.lucky = board, links, lucky
+        self._check_states()
         self._number = {name: number for number, name in enumerate(links.names)}
         self._bound = tuple(map(self._bind, board.relations))
         # a responder has one relation at any time: a later one takes the place of the one before
@@ -207,10 +209,20 @@ class Dynamics:
         number = self._number.get((reference.object, reference.link))
         if number is None:
             what = f"a relation names link {reference.link!r} of object {reference.object}, which is no trigger link"
-            raise BusybotError(
-                f"board {self.board.index}: {what}", "use the objects with which the boards were generated"
-            )
+            raise BusybotError(f"board {self.board.index}: {what}", HINT_OBJECTS)
         return number
+
+    def _check_states(self) -> None:
+        """Refuse states of trigger links, at the start or in the goal, that the links do not have."""
+        sizes: list[list[int]] = [[] for _ in self.board.objects]
+        for (index, _), size in zip(self.links.names, self.links.sizes, strict=True):
+            sizes[index].append(size)
+        goal = iter(self.board.task.goal if self.board.task else ())
+        for index, (placed, own) in enumerate(zip(self.board.objects, sizes, strict=True)):
+            for states in (placed.states, tuple(islice(goal, len(own))) or placed.states):
+                if len(states) != len(own) or any(state >= size for state, size in zip(states, own, strict=True)):
+                    what = f"states {list(states)} for trigger links with {own} of them"
+                    raise BusybotError(f"board {self.board.index}, object {index} ({placed.key}): {what}", HINT_OBJECTS)
 
     def _stages(self, responder: int) -> int:
         stages = {one.responder: one.stage for one in self.board.relations}

@@ -78,6 +78,11 @@ class Scene(FrozenModel):
     margin: Annotated[float, Field(ge=0)] = 0.04
     parts: tuple[Part, ...]
 
+    @property
+    def distance(self) -> float:
+        """How far its camera stands from what it looks at, at most, board units."""
+        return float(np.linalg.norm(np.abs(np.subtract(self.position, self.target)) + self.sway))
+
 
 _WORKTOPS = ((-2.9, -2.05, -1.3, 2.05), (1.3, -2.05, 2.9, 2.05))
 _WALL = ((-3.0, -2.0, 3.0, 2.0),)

@@ -217,6 +217,9 @@ class BoardSpec(FrozenModel):
                     raise ValueError(f"a relation names object {index} of {len(self.objects)}")
             if self.objects[responder].role != "responder":
                 raise ValueError(f"the relation's responder {responder} is a trigger")
+        for link in self.idle:
+            if link.object >= len(self.objects):
+                raise ValueError(f"an idle link is of object {link.object} of {len(self.objects)}")
         return self
 
     @model_validator(mode="after")
@@ -226,6 +229,9 @@ class BoardSpec(FrozenModel):
         owners = [index for index, placed in enumerate(self.objects) for _ in placed.states]
         if [link.object for link in self.task.links] != owners or len(self.task.goal) != len(owners):
             raise ValueError(f"the task's links and goal do not fit the board's {len(owners)} trigger links")
+        if self.task.responders is not None and len(self.task.responders) != len(self.objects):
+            what = f"the task's responders are {len(self.task.responders)}"
+            raise ValueError(f"{what}, one for each of {len(self.objects)} objects is needed")
         named = {(link.object, link.link) for link in self.task.links}
         if len(named) != len(owners):
             raise ValueError("the task names a link twice")

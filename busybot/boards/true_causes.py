@@ -84,7 +84,7 @@ def changes(dynamics: Dynamics, triggers: Sequence[Triggers]) -> list[Change]:
     """
     states = dynamics.run(triggers)
     rewired = {(one.relation.responder, one.step + 1) for one in dynamics.board.rewirings}
-    alone = {one.responder for one in dynamics.board.relations if not one.triggers}
+    alone = [period for period in periods(dynamics.board) if not period.relation.triggers]
     found = []
     for step in range(1, len(states)):
         for responder, (before, after) in enumerate(zip(states[step - 1].shown, states[step].shown, strict=True)):
@@ -92,7 +92,7 @@ def changes(dynamics: Dynamics, triggers: Sequence[Triggers]) -> list[Change]:
                 continue
             if (responder, step) in rewired:
                 found.append(Change(responder, step, rewired=True))
-            elif responder in alone:
+            elif any(one.relation.responder == responder and one.holds(step) for one in alone):
                 found.append(Change(responder, step))
             else:
                 found.append(_explained(dynamics, triggers, states, responder, step))

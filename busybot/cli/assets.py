@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -53,7 +54,7 @@ def make(
         json,
         {"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys},
         f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})",
-        f"next: busybot assets list {out}; busybot generate OUT --assets {out}",
+        _next("list", out),
     )
 
 
@@ -120,7 +121,7 @@ def import_raw(
         write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
-    hints = [f"next: busybot assets check {out}; busybot generate OUT --assets {out}"] if out is not None else []
+    hints = [_next("check", out)] if out is not None else []
     answer(json, {"ok": not refused, **facts}, *hints)
     if refused:
         raise typer.Exit(1)
@@ -142,7 +143,7 @@ def merge(
         json,
         {"folder": out, "sha256": library.sha256, "objects": list(library.objects)},
         f"{len(library.objects)} objects in {out} (sha256 {library.sha256[:12]})",
-        f"next: busybot assets list {out}; busybot generate OUT --assets {out}",
+        _next("list", out),
     )
 
 
@@ -173,7 +174,7 @@ def fetch(
         new = fetch_object(instance, out, token)
         say(f"{instance}: {'downloaded' if new else 'is there already'}")
         fetched.append({"id": instance, "folder": out / instance, "new": new})
-    answer(json, {"folder": out, "objects": fetched}, f"next: busybot assets import {out} --out LIBRARY")
+    answer(json, {"folder": out, "objects": fetched}, f"next: busybot assets import {quote(str(out))} --out LIBRARY")
 
 
 def _token() -> str:
@@ -214,6 +215,12 @@ def sheet(
     with episode_progress("drawing") as progress:
         count = draw(out, find(folder), cell, columns, progress)
     answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
+
+
+def _next(command: str, out: Path) -> str:
+    """What to do with a library that is made."""
+    place = quote(str(out))
+    return f"next: busybot assets {command} {place}; busybot generate OUT --assets {place}"
 
 
 def _rows(library: "Library") -> list[dict[str, Any]]:

@@ -1,6 +1,7 @@
 """`busybot demo`: everything once, on procedural objects."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import typer
@@ -34,7 +35,7 @@ def demo(
         print_json({**told, "task_success": done.task_success})
         return
     say(f"\nthe story, to read:  {done.report}")
-    say(f"the viewer:          {own_name()} view {done.out / 'boards'}")
+    say(f"the viewer:          {own_name()} view {quote(str(done.out / 'boards'))}")
     tell(done.out)
 
 

@@ -7,6 +7,7 @@ import typer
 
 from busybot.cli.common import print_json, say, tell
 from busybot.cli.options import DeviceOption, JsonOption, interaction_models, offering, reasoners
+from busybot.common.errors import UsageError
 
 
 def report(
@@ -39,6 +40,8 @@ def report(
     """
     from busybot.view.report.report import Shown, write_report
 
+    if model is not None and episode is None:
+        raise UsageError(f"--model {model} is about an episode", "name one with --episode, or leave it out")
     shown = None if episode is None else Shown(episode, model, reasoner)
     done = write_report(results, out, shown)
     gates = {"reached": done.count(True), "missed": done.count(False), "not_measured": done.count(None)}

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
@@ -132,7 +133,7 @@ def reason(
 
 def _tell(json: bool, out: Path, skill: str, training: Any) -> None:
     facts = {"out": out, "model": out / "model", "training": training}
-    hint = f"next: busybot eval {skill} DATASET --{'reasoner' if skill == 'reason' else 'model'} {out}"
+    hint = f"next: busybot eval {skill} DATASET --{'reasoner' if skill == 'reason' else 'model'} {quote(str(out))}"
     answer(json, facts, f"the model is in {out / 'model'}", hint)
 
 
@@ -188,7 +189,7 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
             {"out": out, "model": out / "model", "training": info.training, "budget": budget},
             f"{budget['iterations']} iterations in {minutes}",
             f"the policy is in {out / 'model'}",
-            f"next: busybot eval plan DATASET --agents {agent}={out}",
+            f"next: busybot eval plan DATASET --agents {quote(f'{agent}={out}')}",
         )
 
     train.__doc__ = about

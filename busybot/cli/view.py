@@ -2,6 +2,7 @@
 
 import signal
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 import typer
@@ -71,7 +72,7 @@ def _tell(shown: Any) -> None:
     for path in filter(None, (shown.save, shown.screenshot, shown.figure)):
         tell(path)
     if shown.save:
-        say(f"open it with: rerun {shown.save}")
+        say(f"open it with: rerun {quote(str(shown.save))}")
     if shown.url:
         tell(shown.url)
         say("open this address in a browser on this machine; Ctrl-C ends it")

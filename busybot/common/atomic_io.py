@@ -163,15 +163,19 @@ def one_writer(folder: Path) -> Iterator[None]:
     """
     with _opened(folder, make=False) as place, open(_continued(place, folder / LOCK_FILE), "wb") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            with naming_writes(folder / LOCK_FILE):  # there are file systems that know no locks
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
             what = f"{folder}: another process is writing into this dataset"
             raise BusybotError(what, "wait until it is done, or end it") from None
         yield
 
 
 def remove_leftovers(folder: Path, root: Path | None = None) -> int:
-    """Delete temporary files of writers that are no more; returns their number. Call it under `one_writer`."""
+    """Delete temporary files of writers that are no more; returns their number.
+
+    Call it where no other machine writes, as under `one_writer`.
+    """
     leftovers = [
         folder / name
         for name in scan(folder).files
@@ -180,6 +184,11 @@ def remove_leftovers(folder: Path, root: Path | None = None) -> int:
     for file in leftovers:
         remove(file, root or folder)
     return len(leftovers)
+
+
+def names_in(folder: Path) -> set[str]:
+    """Names of what lies in a folder, but of temporary files, which a killed writer may have left."""
+    return {entry.name for entry in folder.iterdir() if not _TEMPORARY_NAME.match(entry.name)}
 
 
 @contextmanager

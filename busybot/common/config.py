@@ -139,12 +139,12 @@ def _defaults_of(model: type[BaseModel], message: str) -> str:
 def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], Any]:
     """The group of parameters that a place lies in, and the parameter; None if the group has none of that name."""
     field = None
-    for name in path:
+    for place, name in enumerate(path, start=1):
         if name not in model.model_fields:
             break  # a place within a value, as in a list, or no parameter at all
         field = model.model_fields[name]
         inner = field.annotation
-        if name is not path[-1] and isinstance(inner, type) and issubclass(inner, BaseModel):
+        if place < len(path) and isinstance(inner, type) and issubclass(inner, BaseModel):
             model, field = inner, None
     return model, field
 

@@ -109,7 +109,7 @@ def run_tasks(
     Raises:
         BusybotError: a task was at fault (its message), or it killed its worker or ran out of time in every try.
     """
-    waiting, tries = deque(tasks), Counter[int]()
+    waiting, tries, workers = deque(tasks), Counter[int](), max(workers, 1)
     pool: list[_Worker] = []
     try:
         while waiting or any(worker.task is not None for worker in pool):

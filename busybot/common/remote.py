@@ -78,6 +78,22 @@ class RemotePath:
 
     def sizes(self) -> dict[str, int]:
         """Bytes of the files in this folder, by their names; nothing where there is no folder."""
+        with self._told() as (system, _):
+            found = self._files()
+            silent = [one["name"] for one in found.values() if one["size"] is None]  # lists of HTTP tell none
+            asked = dict(zip(silent, system.sizes(silent) if silent else (), strict=True))
+            return {name: int(asked.get(one["name"], one["size"]) or 0) for name, one in found.items()}
+
+    def iterdir(self) -> Iterator["RemotePath"]:
+        """The files in this folder."""
+        return (self / name for name in self.names())
+
+    def names(self) -> list[str]:
+        """Names of the files in this folder."""
+        return list(self._files())
+
+    def _files(self) -> dict[str, dict[str, Any]]:
+        """What the store lists of the files in this folder, by their names."""
         with self._told() as (system, location):
             try:
                 found = system.ls(location, detail=True)
@@ -85,11 +101,7 @@ class RemotePath:
                 return {}
             names = {one["name"].rstrip("/").rpartition("/"): one for one in found if one["type"] == "file"}
             own = location.strip("/")  # a file is listed as itself
-            return {name[2]: int(one["size"]) for name, one in names.items() if name[0].strip("/") == own}
-
-    def iterdir(self) -> Iterator["RemotePath"]:
-        """The files in this folder."""
-        return (self / name for name in self.sizes())
+            return {name[2]: one for name, one in names.items() if name[0].strip("/") == own}
 
     def size(self) -> int:
         """Bytes of the file.
@@ -107,7 +119,7 @@ class RemotePath:
         """Bytes `start` to `end` of the file; fewer where it ends before."""
         with self._told() as (system, location):
             data: bytes = system.cat_file(location, start=start, end=end) if start < end else b""
-            return data[: end - start]  # a server that knows no ranges sends all
+            return data[start:end] if len(data) > end - start else data  # a server that knows no ranges sends all
 
     def forget(self) -> None:
         """Ask the store anew for what was listed before."""

@@ -27,3 +27,8 @@ def unlinked(value: object) -> object:
 def markdown_text(text: str) -> str:
     """Text from a file, in one line, without what Markdown or HTML would take for markup."""
     return re.sub(r"([\\`*_{}\[\]()<>#|!~&])", r"\\\1", " ".join(text.split()))
+
+
+def markdown_code(text: str) -> str:
+    """The same as a piece of code, also within a table."""
+    return f"`{' '.join(text.replace('`', ' ').replace('|', ' ').split())}`"

@@ -79,16 +79,8 @@ HASHED = ["episode", "board_digest", "trace_digest", "content_digest"]
 HINT_GENERATE = "generate the dataset again"
 HINT_OTHER = "name another folder, or remove it"
 
-_EPISODE_NAME = re.compile(r"^(\d{6,9})\.mcap$")
-_SHARD_NAME = re.compile(r"^part-(\d{5})\.parquet$")
-
-Derive = Callable[[list[tuple[Path, int]]], Iterable[dict[str, pa.Table]]]
-"""Maps (file, index) pairs to their rows in the same order; workers may share the work."""
-
-
-def derive_here(files: list[tuple[Path, int]]) -> Iterator[dict[str, pa.Table]]:
-    """Rows of files, one after the other in this process."""
-    return (episode_rows(path, index) for path, index in files)
+_EPISODE_NAME = re.compile(r"([0-9]{6,9})\.mcap")
+_SHARD_NAME = re.compile(r"part-([0-9]{5})\.parquet")
 
 
 @dataclass
@@ -137,7 +129,7 @@ class Dataset:
         """
         path = path if isinstance(path, RemotePath) else Path(path)
         # of an address the list is asked for, which tells more at once
-        if not (INFO_FILE in path.sizes() if is_remote(path) else (path / INFO_FILE).exists()):
+        if not (INFO_FILE in path.names() if is_remote(path) else (path / INFO_FILE).exists()):
             if path.is_file():
                 raise BusybotError(f"{path} is a file", "name the dataset's folder")
             if not path.is_dir():
@@ -267,20 +259,20 @@ class Dataset:
         """
         folder = inside(self.path, "episodes")
         if is_remote(folder):
-            names = list(folder.sizes())
+            names = folder.names()
         elif folder.is_dir():
             with os.scandir(folder) as entries:
                 regular = {entry.name: entry.is_file(follow_symlinks=False) for entry in entries}
             names = list(regular)
-            if odd := [name for name in names if _EPISODE_NAME.match(name) and not regular[name]]:
+            if odd := [name for name in names if _EPISODE_NAME.fullmatch(name) and not regular[name]]:
                 what = f"{folder / min(odd)}: a link, or no regular file"
                 raise BusybotError(what, "remove it, or put the recording itself in its place")
         elif os.path.lexists(folder):
             raise BusybotError(f"{folder}: not a folder", RESTORE)
         else:
             return set()
-        found = {int(match[1]) for name in names if (match := _EPISODE_NAME.match(name))}
-        return {index for index in found if index < self.info.boards}
+        found = {name: int(match[1]) for name in names if (match := _EPISODE_NAME.fullmatch(name))}
+        return {index for name, index in found.items() if index < self.info.boards and name == _episode_name(index)}
 
     def begin_collecting(self, collect: CollectInfo) -> None:
         """Record how episodes are made, or refuse to continue otherwise than before. Call it under `locked`.
@@ -323,7 +315,7 @@ class Dataset:
         """Where shard `shard` of a table is or will be."""
         return inside(self.path, f"tables/{table}/part-{shard:05d}.parquet")
 
-    def write_tables(self, rows: Mapping[int, Rows] | None = None, derive: Derive = derive_here) -> None:
+    def write_tables(self, rows: Mapping[int, Rows] | None = None) -> None:
         """Bring the tables up to date with the finished episodes.
 
         Rows that are given are taken; those in the tables are kept where the file still has the size they tell; all
@@ -334,7 +326,7 @@ class Dataset:
         """
         shards = self.finished_by_shard()
         for shard, indices in shards.items():
-            self._write_shard(shard, indices, rows or {}, derive)
+            self._write_shard(shard, indices, rows or {})
         for table in TABLES:
             for shard in set(self.stored_shards(table)) - set(shards):
                 remove(self.table_path(table, shard), self.path)
@@ -349,7 +341,7 @@ class Dataset:
             first = shard * EPISODES_PER_SHARD
             own = range(first, min(first + EPISODES_PER_SHARD, self.info.boards))
             there = [i for i in own if _is_file(folder / _episode_name(i))]
-            self._write_shard(shard, there, rows, derive_here)
+            self._write_shard(shard, there, rows)
 
     def table(self, name: str, columns: list[str] | None = None) -> pa.Table:
         """A whole table as it is stored, or some columns (`schema.public_columns` names those for learners).
@@ -358,7 +350,7 @@ class Dataset:
             BusybotError: there is none, or it is not the table of the episodes that are there.
         """
         shards = self.finished_by_shard()
-        if not self.stored_shards(name):
+        if not shards or not self.stored_shards(name):
             raise BusybotError(f"{self.path}: it has no table {name!r} yet", "`busybot collect` makes it")
         believed = partial(self._believed, name, columns=columns)
         if not is_remote(self.path):
@@ -386,7 +378,7 @@ class Dataset:
             raise BusybotError(what, HINT_TABLES)
         return rows.select(columns or rows.schema.names).replace_schema_metadata(arrow_schema(name).metadata)
 
-    def episodes_table(self, derive: Derive = derive_here, columns: Sequence[str] | None = None) -> pa.Table:
+    def episodes_table(self, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of table `episodes` for all finished episodes, also where the stored table lacks them.
 
         Args:
@@ -396,7 +388,7 @@ class Dataset:
         rows = []
         for shard, indices in self.finished_by_shard().items():
             whole = self._whole_shard(shard, indices)
-            rows += [self._mended_shard(shard, indices, derive) if whole is None else whole]
+            rows += [self._mended_shard(shard, indices) if whole is None else whole]
             rows[-1] = rows[-1].select(wanted).combine_chunks()
         # an empty table imports pandas, which takes as long as reading a thousand rows
         return pa.concat_tables(rows) if rows else arrow_schema("episodes").empty_table().select(wanted)
@@ -448,15 +440,14 @@ class Dataset:
             os.close(descriptor)
         return found
 
-    def _mended_shard(self, shard: int, indices: list[int], derive: Derive) -> pa.Table:
+    def _mended_shard(self, shard: int, indices: list[int]) -> pa.Table:
         """A shard of table `episodes` with what the stored one lacks."""
         stored = self.stored_rows(shard, ("episodes",))
         current = self._current_rows(shard, stored)
         # remembered, because a stopped collection may lack hundreds and one command asks several times
         keys = {i: (i, self.episode_path(i).stat().st_mtime_ns) for i in indices if i not in current}
-        missing = [i for i, key in keys.items() if key not in self._derived]
-        derived = derive([(self.episode_path(i), i) for i in missing])
-        self._derived |= zip([keys[i] for i in missing], derived, strict=True)
+        missing = {i: key for i, key in keys.items() if key not in self._derived}
+        self._derived |= {key: episode_rows(self.episode_path(i), i) for i, key in missing.items()}
         return pa.concat_tables((current[i] if i in current else self._derived[keys[i]])["episodes"] for i in indices)
 
     def hashes(self, episodes: pa.Table | None = None, compare: bool = True) -> Digests:
@@ -509,18 +500,17 @@ class Dataset:
         """Numbers of the shards that a table has."""
         folder = inside(self.path, f"tables/{table}")
         there = is_remote(folder) or folder.is_dir()
-        names = (_SHARD_NAME.match(file.name) for file in folder.iterdir()) if there else ()
+        names = (_SHARD_NAME.fullmatch(file.name) for file in folder.iterdir()) if there else ()
         return sorted(int(match[1]) for match in names if match)
 
-    def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows], derive: Derive) -> None:
+    def _write_shard(self, shard: int, indices: list[int], given: Mapping[int, Rows]) -> None:
         stored = self.stored_rows(shard)
         current = self._current_rows(shard, stored)
         ready = {i: current[i] for i in indices if i in current and i not in given and _is_whole(current[i])}
         if set(ready) == set(indices) == set(stored):
             return
         ready |= {i: given[i] for i in indices if i in given}
-        missing = [i for i in indices if i not in ready]
-        ready |= zip(missing, derive([(self.episode_path(i), i) for i in missing]), strict=True)
+        ready |= {i: episode_rows(self.episode_path(i), i) for i in indices if i not in ready}
         made_of = _made_of(pa.concat_tables(ready[i]["episodes"] for i in indices))
         # `episodes` last: an episode counts as stored when its row is there, so its other rows must be there before
         for table in sorted(TABLES, key=lambda name: name == "episodes"):

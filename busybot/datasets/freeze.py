@@ -31,6 +31,7 @@ from busybot.common.atomic_io import (
 )
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_JSON_BYTES
+from busybot.common.text import markdown_code, markdown_text
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import IMPORTED, collect_command
@@ -50,11 +51,11 @@ from busybot.objects.library import Library
 
 _SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))
 _TEXT = """
-# {manifest.name}
+# {name}
 
-{manifest.boards} boards of the split `{manifest.split}` and what happened on each of them: \
+{manifest.boards} boards of the split {split} and what happened on each of them: \
 {manifest.steps} proposed actions of the policy
-`{manifest.collect.policy}`, recorded by busybot with images, depth, segmentation and the simulator's truth.
+{policy}, recorded by busybot with images, depth, segmentation and the simulator's truth.
 
 | | |
 |---|---|
@@ -64,7 +65,7 @@ _TEXT = """
 | trace hash | `{manifest.hashes.trace}` |
 | content hash | `{manifest.hashes.content}` |
 | seeds | boards {manifest.board_seed}, policy {manifest.policy_seed} |
-| generator | {manifest.generator.version} |
+| generator | {generator} |
 | recorded with | {versions} |
 | renderer | {renderers} |
 | objects | {objects} |
@@ -88,7 +89,7 @@ The files are read-only; before deleting or moving the folder, `chmod -R u+w` it
 
 
 _IMPORTED_TEXT = {
-    "`, recorded by busybot with images, depth, segmentation and the simulator's truth.": "`, recorded elsewhere and"
+    ", recorded by busybot with images, depth, segmentation and the simulator's truth.": ", recorded elsewhere and"
     " imported by busybot: pictures, actions and what else somebody told.",
     "    busybot dataset regenerate DATASET --out DIR    make it again and compare\n": "",
 }
@@ -104,10 +105,16 @@ def card(manifest: Manifest) -> str:
     columns = [f"- `{name}`: learners may read {', '.join(public_columns(name))}." for name in TABLES]
     text = _TEXT.format(
         manifest=manifest,
+        name=markdown_text(manifest.name),
+        split=markdown_code(manifest.split),
+        policy=markdown_code(manifest.collect.policy),
+        generator=markdown_text(manifest.generator.version),
         partial=partial,
-        tasks=f"; {kind} tasks, each with a goal image" if kind else "",
-        versions="; ".join(", ".join(f"{k} {v}" for k, v in sorted(found.items())) for found in versions.values()),
-        renderers="; ".join(dict.fromkeys(renderers)),
+        tasks=f"; {markdown_text(str(kind))} tasks, each with a goal image" if kind else "",
+        versions=markdown_text(
+            "; ".join(", ".join(f"{k} {v}" for k, v in sorted(found.items())) for found in versions.values())
+        ),
+        renderers=markdown_text("; ".join(dict.fromkeys(renderers))),
         objects=_objects(manifest),
         columns="\n".join(columns) + "\n",
     )
@@ -121,7 +128,7 @@ def _objects(manifest: Manifest) -> str:
     licences = sorted({entry.licence for entry in manifest.assets.values()})
     carried = sum(entry.carried for entry in manifest.assets.values())
     place = f"{carried} in `objects/`" if carried else "not in this dataset"
-    return f"{len(manifest.assets)}, {place}; licence: {'; '.join(licences) or 'unknown'}"
+    return f"{len(manifest.assets)}, {place}; licence: {markdown_text('; '.join(licences)) or 'unknown'}"
 
 
 def _front_matter(manifest: Manifest) -> str:

@@ -10,6 +10,7 @@ from pydantic import Field
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
+from busybot.common.limits import MAX_JSON_BYTES
 from busybot.episodes.digests import Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
 
@@ -66,6 +67,20 @@ class CollectInfo(FrozenModel):
     seed: Seed = 0
     settings: dict[str, Any] = {}
 
+    def group(self, name: str) -> dict[str, Any]:
+        """A group of the settings; empty where there is none, for anybody may have written the file."""
+        found = self.settings.get(name)
+        return found if isinstance(found, dict) else {}
+
+    def look(self) -> dict[str, Any]:
+        """How the simulator's boards were looked at, with what JSON leaves out; empty for what was not simulated."""
+        return with_unsaid(self.group("render")) if self.group("render") else {}
+
+
+def with_unsaid(render: dict[str, Any]) -> dict[str, Any]:
+    """The JSON of render settings with the groups that are left out of it where they say nothing."""
+    return {"camera": {}, "randomise": {}} | render
+
 
 class DatasetInfo(FrozenModel):
     """The dataset.
@@ -111,16 +126,18 @@ def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> 
     command += f" --image-format {collect.images}" if collect.images != "jpeg" else ""
     command += f" --seed {collect.seed}" if collect.seed != info.seed else ""
     command += " --strict" if collect.strict else ""
-    command += " --until-known" if collect.settings.get("chooser", {}).get("until_known") else ""
+    command += " --until-known" if collect.group("chooser").get("until_known") else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
-    look = collect.settings.get("render", {})
+    look = collect.look()
     for group in ("camera", "randomise"):
-        command += f" --set {shlex.quote(f'render.{group}={json.dumps(look[group])}')}" if group in look else ""
+        command += f" --set {shlex.quote(f'render.{group}={json.dumps(look[group])}')}" if look.get(group) else ""
     responders = collect.settings.get("responders", True)
     return command + ("" if responders else f" --set responders={json.dumps(responders)}")
 
 
-def read_description(file: Path, kind: Literal["manifest", "schema"], version: str, max_bytes: int = 64 << 20) -> Any:
+def read_description(
+    file: Path, kind: Literal["manifest", "schema"], version: str, max_bytes: int = MAX_JSON_BYTES
+) -> Any:
     """The JSON of a file that says of which version it is; those of another major one than `version` are refused."""
     values = read_json(file, max_bytes)
     found = str(values.get(f"{kind}_version"))[:20] if isinstance(values, dict) else ""

@@ -28,8 +28,8 @@ FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
 HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
-_SPDX = re.compile(r"^[A-Za-z0-9.+-]+$")
-_FILE_NAME = re.compile(r"^(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*$")
+_SPDX = re.compile(r"[A-Za-z0-9.+-]+")
+_FILE_NAME = re.compile(r"(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*")
 
 
 class FileEntry(FrozenModel):
@@ -105,7 +105,7 @@ class Manifest(FrozenModel):
         """SPDX identifier of the licence that all objects have, None where they have several or an unknown one."""
         found = {entry.licence for entry in self.assets.values()}
         only = found.pop() if len(found) == 1 else UNKNOWN
-        return only if only != UNKNOWN and _SPDX.match(only) else None
+        return only if only != UNKNOWN and _SPDX.fullmatch(only) else None
 
     @field_validator("files")
     @classmethod
@@ -118,7 +118,7 @@ class Manifest(FrozenModel):
 
 def is_plain_path(name: str) -> bool:
     """Whether a name that a stranger gave is a relative path without control characters and ways out of its folder."""
-    return _FILE_NAME.match(name) is not None
+    return _FILE_NAME.fullmatch(name) is not None
 
 
 def is_frozen(path: Path) -> bool:

@@ -92,8 +92,8 @@ def repair(
             raise BusybotError(f"{path}: the dataset is frozen", "write the repaired one elsewhere: --out DIR")
         with dataset.locked():
             return _repair(dataset, dataset, keep_partial, workers, progress)
-    if out.resolve() == path.resolve():
-        raise BusybotError(f"{out}: it is the damaged dataset itself", "name another folder")
+    if out.resolve().is_relative_to(path.resolve()):
+        raise BusybotError(f"{out}: it is the damaged dataset itself, or lies in it", "name another folder")
     target = continue_or_create(out, dataset.info, dataset.boards())
     with target.locked():
         return _repair(dataset, target, keep_partial, workers, progress)

@@ -19,7 +19,16 @@ from typing import Any, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from busybot.common.atomic_io import append_line, make_folder, read_json, read_regular, write_atomically, write_json
+from busybot.common.atomic_io import (
+    append_line,
+    make_folder,
+    names_in,
+    read_json,
+    read_regular,
+    remove_leftovers,
+    write_atomically,
+    write_json,
+)
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.process_pool import RECYCLE, TASK_SECONDS, Progress, run_tasks
@@ -91,12 +100,13 @@ def judge_boards(
         for recording in recordings:
             done &= stack.enter_context(_recorded(recording)).finished()
         missing = [index for index in boards if index not in done]
-        for index, one in run_tasks(missing, work.make, work.arguments, work.workers, RECYCLE, work.seconds):
+        tasks = run_tasks(missing, work.make, work.arguments, work.workers, RECYCLE, work.seconds)
+        for finished, (index, one) in enumerate(tasks, start=len(boards) - len(missing) + 1):
             judged[index] = one
             if out is not None:
                 append_line(out / BOARDS, one.model_dump_json())
             if progress:
-                progress(len(judged), len(boards))
+                progress(finished, len(boards))
     return [judged[index] for index in boards]
 
 
@@ -116,7 +126,7 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     """
     file = out / SETTINGS
     if not file.exists():
-        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        if out.exists() and (not out.is_dir() or names_in(out)):
             raise BusybotError(f"{out}: it exists and holds no evaluation", "name another folder")
         write_json(file, plain(settings))
     known = read_json(file)
@@ -126,6 +136,7 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     if differing:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
+    remove_leftovers(out)
     return dict(_judged_lines(out / BOARDS, kind))
 
 

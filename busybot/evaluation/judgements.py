@@ -76,8 +76,8 @@ def _recordings(dataset: Dataset) -> dict[str, Any] | None:
     collect = dataset.info.collect
     if collect is None:
         return None
-    camera = collect.settings.get("render", {}).get("camera", {})
-    unclean = {name: value for name, value in camera.items() if value}
+    camera = collect.group("render").get("camera")
+    unclean = {name: value for name, value in camera.items() if value} if isinstance(camera, dict) else {}
     return {"policy": collect.policy, "content_hash": dataset.hashes().content, "camera": unclean}
 
 

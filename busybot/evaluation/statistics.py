@@ -14,7 +14,8 @@ from itertools import product
 import numpy as np
 from scipy.special import betainc, betaincinv
 
-LEVEL = 0.95
+LEVEL, DRAWS = 0.95, 1000
+"""Of intervals: how much lies within; how often `two_level_interval` draws anew."""
 ALL_SIGNS = 12
 """With up to so many differences that are not 0 all signs are gone through; with more, `FLIPS` are drawn."""
 FLIPS = 10_000
@@ -24,15 +25,15 @@ Interval = tuple[float, float] | None
 """Least and greatest value; None where it is undefined."""
 
 
-def percentile_interval(drawn: np.ndarray, level: float = LEVEL) -> tuple[float, float]:
-    """What the middle `level` of the values of all draws lie between."""
-    low, high = np.quantile(drawn, [(1 - level) / 2, (1 + level) / 2])
+def percentile_interval(drawn: np.ndarray) -> tuple[float, float]:
+    """What the middle `LEVEL` of the values of all draws lie between."""
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return float(low), float(high)
 
 
-def share_interval(part: np.ndarray, whole: np.ndarray, level: float = LEVEL) -> Interval:
+def share_interval(part: np.ndarray, whole: np.ndarray) -> Interval:
     """Of the share part / whole, both (draws,); None if a draw has no whole."""
-    return percentile_interval(part / whole, level) if whole.all() else None
+    return percentile_interval(part / whole) if whole.all() else None
 
 
 def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray) -> Interval:
@@ -65,13 +66,7 @@ def extreme_interval(part: np.ndarray, whole: np.ndarray) -> Interval:
 
 
 def two_level_interval(
-    part: np.ndarray,
-    whole: np.ndarray,
-    groups: Sequence[str],
-    boards: Sequence[int],
-    rng: np.random.Generator,
-    draws: int = 1000,
-    level: float = LEVEL,
+    part: np.ndarray, whole: np.ndarray, groups: Sequence[str], boards: Sequence[int], rng: np.random.Generator
 ) -> Interval:
     """Of a pooled share, with groups drawn anew, and of each of these its boards.
 
@@ -92,13 +87,13 @@ def two_level_interval(
     cells = np.unique(np.stack([group, np.asarray(boards, int)]), axis=1, return_inverse=True)
     owner, cell = cells[0][0], cells[1].reshape(-1)
     sums = np.stack([np.bincount(cell, values) for values in (part, whole)], axis=1)  # (cells, 2)
-    drawn = np.zeros((draws, 2))
-    times = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=draws)  # (draws, groups)
+    drawn = np.zeros((DRAWS, 2))
+    times = rng.multinomial(len(names), np.full(len(names), 1 / len(names)), size=DRAWS)  # (draws, groups)
     for number in range(len(names)):
         own = sums[owner == number]
         weights = rng.multinomial(times[:, number] * len(own), np.full(len(own), 1 / len(own)))
         drawn += weights @ own
-    return share_interval(drawn[:, 0], drawn[:, 1], level)
+    return share_interval(drawn[:, 0], drawn[:, 1])
 
 
 def interval_over_objects(
@@ -112,7 +107,7 @@ def interval_over_objects(
     return extreme or two_level_interval(part, whole, objects, boards, rng)
 
 
-def binomial_interval(hits: int, count: int, level: float = LEVEL) -> Interval:
+def binomial_interval(hits: int, count: int) -> Interval:
     """Bounds on the probability of what happened `hits` times in `count` independent trials; None without any.
 
     Exact (Clopper and Pearson, Biometrika 26, 1934): it holds the true probability at least so often, also where
@@ -120,7 +115,7 @@ def binomial_interval(hits: int, count: int, level: float = LEVEL) -> Interval:
     """
     if not count:
         return None
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
     low = float(betaincinv(hits, count - hits + 1, tail)) if hits else 0.0
     high = float(betaincinv(hits + 1, count - hits, 1 - tail)) if hits < count else 1.0
     return low, high

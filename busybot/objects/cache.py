@@ -43,7 +43,7 @@ def parsed_objects() -> Iterator[dict[str, ObjectModel]]:
     yield known
     if len(known) > before:
         kept = dict(list(known.items())[-_MAX_PARSED:])
-        with suppress(OSError):
+        with suppress(OSError, BusybotError):
             write_atomically(path, _PARSED.dump_json(kept))
 
 
@@ -76,11 +76,9 @@ def remember(path: Path, objects: dict[str, str]) -> None:
         return
     entries.pop(place, None)
     entries[place] = objects
-    try:
-        kept = list(entries.items())[-_MAX_ENTRIES:]
+    kept = list(entries.items())[-_MAX_ENTRIES:]
+    with suppress(OSError, BusybotError):
         write_json(cache_folder() / _INDEX, [{"path": path, "objects": hashes} for path, hashes in kept])
-    except OSError:
-        return
 
 
 def places(expected: dict[str, str]) -> list[Path]:

@@ -21,11 +21,11 @@ from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
 from busybot.evaluation.results import package_versions, stamp
-from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
+from busybot.interact.policy.policy_factory import candidates_config, fingerprint, load_once
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
 from busybot.plan.agents.registry import TRAINED, kind_of, name_of
-from busybot.plan.rollout import PlanConfig, RolloutRunner
+from busybot.plan.rollout import PlanConfig, RolloutRunner, check_pictures
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.registry import config_class, reasoner_of, without_training
 from busybot.sim.scene.board_scene import Simulator
@@ -96,7 +96,7 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
     """What a worker does with a board's index: all agents play its task."""
     dataset, record, config = evaluation.dataset, evaluation.record, evaluation.config
     loaded, model = reasoner_of(evaluation.reasoner), load_once(evaluation.policy_model)
-    policy = policy_config(model.info, config.learned)
+    policy = candidates_config(model.info, config.learned)
     simulator = Simulator(evaluation.library, config.render)
     player = RolloutRunner(simulator, loaded, model, policy, config.interaction, evaluation.seed)
     stored = {agent: Dataset.open(record / name_of(agent)) for agent in evaluation.agents} if record else {}
@@ -136,7 +136,8 @@ def unmoved_links(history: Episode) -> int:
 
 
 def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
-    """Numbers of the boards, all of which must have a task and a history."""
+    """Numbers of the boards, all of which must have a task and a history, seen as the rollouts will be."""
+    check_pictures(dataset, config.render)
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
     boards, recorded = dataset.boards(), dataset.finished()
     for index in range(count):
@@ -186,7 +187,7 @@ def _settings(evaluation: PlanEvaluation) -> dict[str, Any]:
     dataset, agents, config = evaluation.dataset, evaluation.agents, evaluation.config
     info, hashes = dataset.info, dataset.hashes()
     origin = {"name": info.name, "split": info.split, "boards": info.boards, "seed": info.seed}
-    policy = policy_config(load_once(evaluation.policy_model).info, config.learned)
+    policy = candidates_config(load_once(evaluation.policy_model).info, config.learned)
     trained = [agent.partition("=") for agent in agents if name_of(agent) in TRAINED]
     return {
         "names": [name_of(agent) for agent in agents],

@@ -4,11 +4,14 @@ An agent is told of its task what the recorded history with its goal picture sho
 evaluators only.
 """
 
+import json
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.spec import Relation
@@ -17,6 +20,8 @@ from busybot.boards.worlds import links_of
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import with_unsaid
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode
 from busybot.interact.policy.board_memory import BoardMemory
@@ -46,10 +51,28 @@ class PlanConfig(FrozenModel):
         learned: constants of the interaction policy that take precedence over those on the model's card.
     """
 
-    boards: int | None = None
+    boards: Annotated[int, Field(ge=1)] | None = None
     learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
     render: RenderConfig = RenderConfig()
+
+
+def check_pictures(dataset: Dataset, render: RenderConfig, place: str = "render") -> None:
+    """Compare how the histories were looked at with how their boards will be looked at again.
+
+    Args:
+        place: of `render` among the parameters, for the hint.
+
+    Raises:
+        BusybotError: they differ. Pixels, looks and goal pictures of the one mean nothing in the other.
+    """
+    collect = dataset.info.collect
+    recorded, asked = collect.look() if collect else {}, with_unsaid(render.model_dump(mode="json"))
+    for name in sorted(recorded.keys() & asked.keys()):
+        if recorded[name] != asked[name]:
+            told, now = json.dumps(recorded[name]), json.dumps(asked[name])
+            what = f"{dataset.path}: its histories were recorded with render.{name} {told}, not {now}"
+            raise BusybotError(what, f"--set {shlex.quote(f'{place}.{name}={told}')}")
 
 
 @dataclass(frozen=True)
@@ -146,7 +169,8 @@ class RolloutRunner:
         assert policy is not None
         episode.settings |= notes(policy.decisions)
         links = links_of([self._simulator.library.get(placed.key) for placed in board.objects])
-        return PlayedRollout(episode, judge_rollout(episode, links, policy, task.briefing, task.edges))
+        edges = np.array(board.relation_matrix(), bool) if kind.relations else task.edges
+        return PlayedRollout(episode, judge_rollout(episode, links, policy, task.briefing, edges))
 
     def _policy(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene | None) -> AgentPolicy:
         """An agent that has what a robot has, and the truth about a scene if one is given, as a policy."""
@@ -192,7 +216,7 @@ def judge_rollout(
         rollout: on a board with a task, with segmentation.
         links: the board's trigger links.
         policy: that acted.
-        edges: bool (N, N), relations that the reasoner claims.
+        edges: bool (N, N), relations that the agent was told: those that the reasoner claims, or the true ones.
     """
     board, steps = rollout.board, rollout.steps
     start = Dynamics(board, links).start(start_states(board)).shown

@@ -17,7 +17,9 @@ from pydantic import ValidationError
 from busybot.boards.config import BoardConfig
 from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
+from busybot.boards.scenes import SCENES
 from busybot.boards.spec import BoardSpec
+from busybot.boards.worlds import BUILT
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.rng import generator
@@ -30,7 +32,7 @@ from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
 from busybot.sim.policy import Action, PolicyFactory
 from busybot.sim.scene.board_scene import BoardScene, BoardState, Simulator
 from busybot.sim.scene.real_camera import REACH, true_depth
-from busybot.sim.scene.render import RenderConfig
+from busybot.sim.scene.render import SIGHT, RenderConfig
 
 Observation = dict[str, Any]
 Config = TypeVar("Config", bound=FrozenModel)
@@ -49,14 +51,14 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     | key | type | range | meaning |
     |---|---|---|---|
     | `rgb` | uint8 (H, W, 3) | 0..255 | the camera's image |
-    | `depth` | float32 (H, W) | 0..far | distance along the optical axis, board units; 0: nothing hit |
+    | `depth` | float32 (H, W) | 0..far; scenes: more | distance along the optical axis, board units; 0: nothing hit |
 
     ## Action space
     A `Dict`:
 
     | key | type | range | meaning |
     |---|---|---|---|
-    | `position` | float32 (3,) | x, y in -2..2, z in -0.1..2 | suction point, board frame, board units |
+    | `position` | float32 (3,) | x, y on the board (-2..2), z in -0.1..2 | suction point, board frame, board units |
     | `direction` | Discrete(18) | 0..17 | index into `busybot.boards.directions.DIRECTIONS` |
 
     The gripper takes hold of what is visible at the position, moves along the direction and then the opposite one
@@ -101,14 +103,17 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         self._library = assets if isinstance(assets, Library) else find(assets)
         self._simulator: Simulator | None = None
         self._scene: BoardScene | None = None
-        shape = (self._view.height, self._view.width)
+        scene, shape = SCENES.get(self._boards.world), (self._view.height, self._view.width)
+        width, height = scene.size if scene else BoardSpec.model_fields["size"].default
+        far = max(self._view.far, SIGHT * scene.distance) if scene else self._view.far
         self.observation_space = spaces.Dict(
             {
                 "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
-                "depth": spaces.Box(0, self._view.far, shape, np.float32),
+                "depth": spaces.Box(0, far, shape, np.float32),
             }
         )
-        low, high = np.array([-2, -2, -0.1], np.float32), np.array([2, 2, 2], np.float32)
+        high = np.array([width / 2, height / 2, 2], np.float32)
+        low = np.array([-high[0], -high[1], -0.1], np.float32)
         self.action_space = spaces.Dict(
             {"position": spaces.Box(low, high, dtype=np.float32), "direction": spaces.Discrete(len(DIRECTIONS))}
         )
@@ -188,9 +193,12 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     def _draw(self, index: int | None) -> BoardSpec:
         """One board, drawn from the environment's seed."""
         number = int(self.np_random.integers(2**31)) if index is None else index
-        seed = int(generator(self._np_random_seed or 0, self._boards.split, number, "env").integers(2**62))
-        config = self._boards.model_copy(update={"seed": seed, "boards": 1, "group_size": 1})
-        return next(generate_boards(config, self._library))
+        rng = generator(self._np_random_seed or 0, self._boards.split, number, "env")
+        seed = int(rng.integers(2**62))
+        # the first board of a real board's or a scene's group always has the same relations
+        size = self._boards.group_size if self._boards.world in BUILT else 1
+        config = self._boards.model_copy(update={"seed": seed, "boards": size, "group_size": size})
+        return list(generate_boards(config, self._library))[rng.integers(size)]
 
     def _look(self, frame: int) -> Image:
         return look(self._playing(), self._np_random_seed or 0, frame)

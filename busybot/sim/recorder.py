@@ -15,13 +15,16 @@ from typing import Any
 import numpy as np
 
 from busybot import __version__
+from busybot.boards.directions import DIRECTIONS
+from busybot.boards.dynamics import HINT_OBJECTS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import ENDED, Episode, Image, Observation
+from busybot.episodes.episode import ENDED, Camera, Episode, Image, Observation
 from busybot.sim.interaction import Grasp, InteractionConfig, interact, look
 from busybot.sim.policy import (
+    Action,
     AnyPolicyFactory,
     DetectingFactory,
     Detections,
@@ -53,6 +56,9 @@ def record_episode(
     Args:
         factory: of the policy. Only an `OracleFactory` gets the scene; the episode says so.
         seed: of the collection; with the board's split and index it determines every draw of the policy.
+
+    Raises:
+        BusybotError: the policy chose what is no action.
     """
     scene = simulator.board(board)
     rays = Rays(scene.camera)
@@ -67,6 +73,7 @@ def record_episode(
         if action is None:
             episode.settings[ENDED] = {"of": steps}
             break
+        _check_action(action, policy, episode.camera)
         grasp = grasp_at(scene, images[-1], rays, action.pixel)
         step, after = interact(scene, grasp, action.directions, config, images[-1])
         episode.steps.append(step)
@@ -87,6 +94,15 @@ def _policy(
         roles = tuple(placed.role for placed in scene.spec.objects)
         return factory.make_detecting(rays, Detections(roles, first.boxes, _visible_centres(first, scene)))
     return factory.make_policy(rays)
+
+
+def _check_action(action: Action, policy: Policy, camera: Camera) -> None:
+    """Refuse a pixel outside of the picture, where negative ones would be taken from its other side."""
+    (column, row), known = action.pixel, range(len(DIRECTIONS))
+    inside = 0 <= column < camera.width and 0 <= row < camera.height
+    if not inside or not action.directions or any(direction not in known for direction in action.directions):
+        hint = f"a pixel is (column, row) of {camera.width} x {camera.height}, a direction from 0 to {known[-1]}"
+        raise BusybotError(f"the policy {policy.name!r} chose {action}", hint)
 
 
 def begin_episode(
@@ -134,7 +150,7 @@ def picture_goal(scene: BoardScene, seed: int = 0) -> list[Image]:
         return []
     if [(link.object, link.link) for link in task.links] != list(scene.trigger_numbers):
         what = f"board {scene.spec.index}: its task names other links than its objects have"
-        raise BusybotError(what, "use the objects with which the boards were generated")
+        raise BusybotError(what, HINT_OBJECTS)
     now = scene.save()
     shown = None if task.responders is None else scene.dynamics.showing(task.goal, task.responders)
     scene.rest(BoardState(task.goal, shown))

@@ -38,6 +38,7 @@ from busybot.sim.scene.render import RenderConfig
 
 REPLAY_SECONDS = 24 * 3600.0
 OTHER_OBJECTS = "name the library with which it was recorded: --assets DIR"
+OTHER_RECORDINGS = "only recordings of this simulator can be put back"
 Config = TypeVar("Config", bound=BaseModel)
 
 
@@ -247,7 +248,10 @@ def act_again(simulator: Simulator, board: BoardSpec, recorded: Episode) -> Epis
 
 def _seed_of(episode: Episode) -> int:
     """Seed of the collection, from which the real camera's draws come."""
-    return int(episode.settings.get("seed", 0))
+    seed = episode.settings.get("seed", 0)
+    if not isinstance(seed, int):
+        raise BusybotError(f"the recording's settings, seed: {seed!r} is no whole number", OTHER_RECORDINGS)
+    return seed
 
 
 def _require_truth(episode: Episode) -> None:
@@ -262,4 +266,4 @@ def _parameters(model: type[Config], values: Any, what: str) -> Config:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         fault = f"the recording's settings, {what}: {place}: {first['msg']}"
-        raise BusybotError(fault, "only recordings of this simulator can be put back") from None
+        raise BusybotError(fault, OTHER_RECORDINGS) from None

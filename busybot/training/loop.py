@@ -35,12 +35,12 @@ def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set
     """The groups that are held out: boards of one appearance group look alike, so it is held out as a whole.
 
     Args:
-        share: of them, rounded up; 0 for none. Of a single group none is.
+        share: of them, rounded up; 0 for none. One at least stays.
         purpose: of the draw.
     """
     known = sorted(groups)
     order = generator(seed, "train", 0, purpose).permutation(len(known))
-    count = math.ceil(share * len(known)) if len(known) > 1 else 0
+    count = min(math.ceil(share * len(known)), len(known) - 1)
     return {known[place] for place in order[:count]}
 
 

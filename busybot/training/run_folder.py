@@ -18,7 +18,15 @@ from typing import Any
 from pydantic import BaseModel
 
 from busybot import __version__
-from busybot.common.atomic_io import read_json, read_text, scan, write_atomically, write_json
+from busybot.common.atomic_io import (
+    names_in,
+    read_json,
+    read_text,
+    remove_leftovers,
+    scan,
+    write_atomically,
+    write_json,
+)
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_LINES_BYTES
 
@@ -39,7 +47,7 @@ def begin_folder(out: Path, config: BaseModel, seed: int, before: Collection[str
         what = f"{out / others[0]}: a link or device; a training writes through none"
         raise BusybotError(what, "put a copy of what it leads to in its place, or remove it")
     if not (out / TRAIN_FILE).exists():
-        strangers = sorted({entry.name for entry in out.iterdir()} - set(before)) if out.is_dir() else []
+        strangers = sorted(names_in(out) - set(before)) if out.is_dir() else []
         if strangers:
             raise BusybotError(f"{out}: it holds {strangers[0]!r} and no {TRAIN_FILE}", "name another folder")
         write_json(out / TRAIN_FILE, wanted)
@@ -49,6 +57,7 @@ def begin_folder(out: Path, config: BaseModel, seed: int, before: Collection[str
             f"{out}: a training with other parameters was begun there: {'; '.join(differing[:5])}",
             "continue it with the same parameters, or name another folder",
         )
+    remove_leftovers(out)
 
 
 def _differences(recorded: Any, wanted: Any, place: str) -> list[str]:

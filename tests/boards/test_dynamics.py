@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from busybot.boards.dynamics import Dynamics, DynamicState
-from busybot.boards.spec import LinkRef
+from busybot.boards.spec import LinkRef, Task
 from busybot.common.errors import BusybotError
 from tests.boards.worlds_by_hand import board, body, dynamics, link, links, lock, relation, rewiring
 
@@ -163,6 +163,9 @@ def test_a_goal_shows_what_it_says() -> None:
         ({"relations": [FOLLOWS], "rewirings": [rewiring(20, relation("toggle", 3, [link(1)], (0, 1)))]}, "rewiring"),
         ({"relations": [FOLLOWS.model_copy(update={"states": (0, 2)})]}, "has no state 2"),
         ({"relations": [FOLLOWS], "magnets": [1]}, "'magnets', unknown here"),
+        ({"states": (0, 2)}, r"object 1 \(Switch/s1\): states \[2\] for trigger links with \[2\] of them"),
+        ({"states": (0,)}, "object 1 .*: states .* for trigger links"),
+        ({"task": Task(kind="reach", links=(link(0), link(1)), goal=(0, 2))}, r"object 1 .*: states \[2\] for"),
     ],
 )
 def test_boards_without_a_law_are_refused(wrong: dict[str, object], message: str) -> None:

@@ -4,6 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import Redraws, generate_boards
@@ -172,6 +173,12 @@ def test_contradictory_counts_are_refused(options: dict[str, object], message: s
         BoardConfig(**options)
 
 
+@pytest.mark.parametrize("options", [{"world": ["gates"]}, {"world": {}}, {"links": ["a", 8]}, {"links": [None, 8]}])
+def test_values_of_another_type_are_refused(options: dict[str, object]) -> None:
+    with pytest.raises(ValidationError, match=next(iter(options))):
+        BoardConfig.model_validate(options)
+
+
 def test_redraws_are_counted(partnet: Path) -> None:
     redraws = Redraws()
     list(generate_boards(BoardConfig(boards=200, relations="one-to-many"), Library.load(partnet), redraws))
@@ -191,6 +198,8 @@ def test_relations_must_name_objects_that_exist(library: Library) -> None:
         )
         with pytest.raises(ValueError, match="names object|is a trigger"):
             BoardSpec.model_validate(board.model_dump() | {"relations": [wrong.model_dump()]})
+    with pytest.raises(ValueError, match="an idle link is of object"):
+        BoardSpec.model_validate(board.model_dump() | {"idle": [{"object": len(board.objects), "link": "link_0"}]})
 
 
 def test_unknown_relation_kinds_survive_the_schema(library: Library) -> None:

@@ -132,7 +132,7 @@ def test_an_end_is_one_step_from_the_middle_and_two_from_the_other_end() -> None
     assert least_steps((0,), (2,)) == 2 and least_steps((1, 1), (1, 1)) == 0
 
 
-@pytest.mark.parametrize("what", ["goal", "links", "twice", "relation"])
+@pytest.mark.parametrize("what", ["goal", "links", "twice", "relation", "responders"])
 def test_tasks_that_do_not_fit_their_board_are_refused(what: str) -> None:
     board = board_with_task()
     task = task_of(board)
@@ -145,6 +145,7 @@ def test_tasks_that_do_not_fit_their_board_are_refused(what: str) -> None:
         "links": {"links": task.links[1:], "goal": task.goal[1:]},
         "twice": {"links": twice},
         "relation": {"links": (LinkRef(object=owner, link="another"), *task.links[1:])},
+        "responders": {"responders": (-1,) * (len(board.objects) - 1)},
     }[what]
     broken = Task.model_validate({**dict(task), **wrong})
     with pytest.raises(ValidationError, match="task"):

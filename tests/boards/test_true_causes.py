@@ -82,6 +82,15 @@ def test_what_moves_by_itself_has_no_cause() -> None:
     assert all(one[2] == one[1] for one in found if one[0] == 3)
 
 
+def test_what_moves_by_itself_until_it_is_rewired_has_causes_from_then_on() -> None:
+    driven, alone = relation("one-to-one", A), relation("flicker", probability=0.9)
+    spec = board(alone, rewirings=(Rewiring(step=2, relation=driven),))
+    assert [one for one in causes(spec, "000010", "000000") if one[1] > 3] == [(2, 4, 4, 0), (2, 5, 5, 0)]
+    spec = board(driven, rewirings=(Rewiring(step=2, relation=alone),))
+    found = [one for one in causes(spec, "01" * 10, "00" * 10) if one[1] > 3]
+    assert len(found) > 5 and {one[2:] for one in found} == {(None, None)}
+
+
 def rewired() -> BoardSpec:
     other = relation("one-to-one", B, states=(1, 0))
     return board(relation("one-to-one", A), rewirings=(Rewiring(step=2, relation=other),))

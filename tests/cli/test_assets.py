@@ -172,6 +172,17 @@ def test_a_doubtful_orientation_is_asked_about_until_it_is_answered(tmp_path: Pa
     assert "question" not in run("check", str(out))[1]
 
 
+@pytest.mark.parametrize("told", [{"overrides": 7}, {"overrides": [], "more": float("nan")}])
+def test_what_an_annotation_tells_of_its_import_stops_no_check(tmp_path: Path, told: object) -> None:
+    out = tmp_path / "library"
+    make_raw(tmp_path / "raw" / "78", "Switch", ROCKER)
+    assert run("import", str(tmp_path / "raw"), "--out", str(out))[0] == 0
+    file = out / "Switch/78/object_meta_info.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"Import": told}))
+    code, text, _ = run("check", str(out))
+    assert code == 0 and "1 checked, nothing is wrong" in text
+
+
 @pytest.mark.long
 def test_libraries_are_merged(made: Path, tmp_path: Path) -> None:
     own, out = tmp_path / "own", tmp_path / "both"

@@ -2,20 +2,24 @@
 
 import json
 import os
+import shlex
 import subprocess
 import sys
 import types
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from busybot.cli import main
+from busybot.cli import assets, main, train, view
 from busybot.cli.common import episode_progress, print_json, say
+from busybot.cli.dataset import printing
 from busybot.cli.options import RENAMED, JsonOption
 from busybot.common.errors import BusybotError, UsageError
+from busybot.datasets.importing.sources import Imported
 
 RUNNER = CliRunner()
 HEAVY = ("sapien", "torch", "rerun", "numpy", "pandas", "pyarrow", "cv2", "rich")
@@ -251,6 +255,31 @@ def test_json_knows_our_types(capsys: pytest.CaptureFixture[str]) -> None:
 def test_what_is_no_number_is_null_in_json(capsys: pytest.CaptureFixture[str]) -> None:
     print_json({"x": float("nan"), "y": [float("-inf"), 0.5]})
     assert json.loads(capsys.readouterr().out) == {"x": None, "y": [None, 0.5]}
+
+
+def told_by(what: str, place: Path) -> object:
+    """Let a command tell what to do next with a place."""
+    if what == "training":
+        return train._tell(False, place, "reason", {})
+    if what == "recording":
+        return view._tell(SimpleNamespace(save=place, screenshot=None, figure=None, url=None))
+    if what == "dataset":
+        dataset: Any = SimpleNamespace(path=place, info=SimpleNamespace(boards=1))
+        row: dict[str, object] = dict.fromkeys(("frames", "width", "height", "actions", "triggers", "responders"), 0)
+        return printing.imported(Imported("images", [row | {"place": "x", "relations": None}], dataset))
+    return say(assets._next("check", place))
+
+
+@pytest.mark.parametrize("what", ["library", "training", "recording", "dataset"])
+def test_commands_that_are_proposed_can_be_pasted(what: str, capsys: pytest.CaptureFixture[str]) -> None:
+    told_by(what, Path("my data/it's new"))
+    words = shlex.split(capsys.readouterr().err.strip().splitlines()[-1])
+    assert "my data/it's new" in words
+
+
+def test_a_report_has_no_use_for_a_model_without_an_episode(tmp_path: Path) -> None:
+    done = invoke("report", str(tmp_path), "--out", str(tmp_path / "report"), "--model", "procedural")
+    assert done.exit_code == 2 and "--episode" in done.stderr and not (tmp_path / "report").exists()
 
 
 def test_a_misspelt_command_is_told_the_near_one() -> None:

@@ -1,5 +1,6 @@
 """Files are whole or absent, never written through a planted link; what killed processes left is removed, no more."""
 
+import errno
 import os
 import stat
 import subprocess
@@ -14,6 +15,7 @@ from busybot.common.atomic_io import (
     copy_file,
     forbid_writing,
     make_folder,
+    names_in,
     new_file,
     one_writer,
     refuse_taken,
@@ -161,6 +163,18 @@ def test_even_a_guessed_temporary_name_is_not_followed(
     assert everything(outside) == before and not (tmp_path / "named").exists()
 
 
+def test_a_file_system_without_locks_is_not_taken_for_another_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def flock(file: object, how: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", flock)
+    with pytest.raises(OSError, match="No locks available") as error, one_writer(tmp_path):
+        pass
+    assert error.value.filename == str(tmp_path / ".lock")
+
+
 def test_temporary_names_differ(tmp_path: Path) -> None:
     names = set()
     for _ in range(3):
@@ -244,6 +258,7 @@ def test_only_temporary_files_of_dead_processes_go(tmp_path: Path, outside: Path
     for name in (*gone, *kept):
         (tmp_path / "root" / name).write_bytes(b"half")
     (folder / f".z.{dead.pid}.tmp").symlink_to(outside / "precious")
+    assert names_in(tmp_path / "root") == {"folder", *(f"x.{dead.pid}.tmp", ".x.tmp", f".x.{random}.tmp")}
     assert remove_leftovers(tmp_path / "root") == len(gone)
     assert {path.name for path in (tmp_path / "root").iterdir()} == {*kept, "folder"}
 

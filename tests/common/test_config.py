@@ -7,6 +7,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import FrozenModel
 from busybot.interact.training.config import TrainConfig
 
 
@@ -49,6 +50,18 @@ def test_faults_are_named(tmp_path: Path, text: str, settings: list[str], messag
     file.write_text(text)
     with pytest.raises(BusybotError, match=message):
         build(BoardConfig, file, settings, {})
+
+
+def test_a_parameter_that_is_called_as_its_group_is_told_from_it() -> None:
+    class Inner(FrozenModel):
+        camera: int = 1
+
+    class Outer(FrozenModel):
+        camera: Inner = Inner()
+
+    with pytest.raises(BusybotError, match=r"parameter camera\.camera") as error:
+        build(Outer, None, ["camera.camera=x"], {})
+    assert error.value.hint == "the default is 1"
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:

@@ -47,6 +47,10 @@ def slow() -> Callable[[int], int]:
     return work
 
 
+def test_without_a_number_of_workers_there_is_one() -> None:
+    assert [(task, square) for task, (square, _) in run_tasks(range(2), squares, (1,), workers=0)] == [(0, 1), (1, 2)]
+
+
 def test_a_script_without_a_guard_is_told_what_it_lacks(tmp_path: Path) -> None:
     """Its workers end when they import it, before they read what they are given, which is more than a pipe holds."""
     script = tmp_path / "script.py"

@@ -13,6 +13,7 @@ from busybot.common.atomic_io import remove
 from busybot.common.errors import BusybotError
 from busybot.datasets import dataset as module
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import collect_command
 from busybot.datasets.verify import verify
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import episode_rows, write_shard
@@ -126,7 +127,7 @@ def test_what_a_killed_writer_left_is_ignored_and_removed(tmp_path: Path) -> Non
 
 def test_only_episodes_of_the_dataset_count(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "d")
-    for name in ("000099.mcap", "1.mcap", "000002.mcap.bak", "notes.txt"):
+    for name in ("000099.mcap", "1.mcap", "0000002.mcap", "000002.mcap\n", "000002.mcap.bak", "notes.txt"):
         (tmp_path / "d/episodes" / name).write_bytes(b"")
     assert dataset.finished() == {0, 1, 3}
     odd = tmp_path / "d/episodes/000002.mcap"
@@ -164,29 +165,31 @@ def test_one_collector_at_a_time(tmp_path: Path) -> None:
         pass
 
 
+def derived(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Numbers of the episodes whose rows are derived from their files from now on."""
+    found: list[int] = []
+    monkeypatch.setattr(module, "episode_rows", lambda path, index: found.append(index) or episode_rows(path, index))
+    return found
+
+
 def test_tables_follow_the_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     dataset = make_dataset(tmp_path / "d")
-    read: list[int] = []
-
-    def derive(files):
-        read.extend(index for _, index in files)
-        return module.derive_here(files)
-
-    dataset.write_tables(derive=derive)
+    read = derived(monkeypatch)
+    dataset.write_tables()
     assert not read, "up to date"
     write_episode(dataset.episode_path(2), make_episode(2))
-    dataset.write_tables(derive=derive)
+    dataset.write_tables()
     assert read == [2], "only what is missing"
     assert dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2, 3]
     write_episode(dataset.episode_path(1), make_episode(1, steps=3))
-    dataset.write_tables(derive=derive)
+    dataset.write_tables()
     assert read == [2, 1], "what has changed since"
     write_episode(dataset.episode_path(1), make_episode(1))
-    dataset.write_tables({1: episode_rows(dataset.episode_path(1), 1)}, derive)
+    dataset.write_tables({1: episode_rows(dataset.episode_path(1), 1)})
     assert read == [2, 1], "what is given is taken"
     assert dataset.table("steps").num_rows == 24
     dataset.episode_path(3).unlink()
-    dataset.write_tables(derive=derive)
+    dataset.write_tables()
     assert dataset.table("episodes")["episode"].to_pylist() == [0, 1, 2]
 
 
@@ -248,27 +251,40 @@ def test_hashes_depend_on_values_alone(tmp_path: Path, monkeypatch: pytest.Monke
     assert fewer.board == one.board and fewer.trace != one.trace and fewer.content != one.content
 
 
-def test_rows_that_the_tables_lack_are_derived_once_for_all_who_ask(tmp_path: Path) -> None:
+def test_rows_that_the_tables_lack_are_derived_once_for_all_who_ask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A collection that was killed lacks up to a shard of them."""
     dataset = make_dataset(tmp_path / "d")
     known = dataset.episodes_table()
     shutil.rmtree(dataset.path / "tables")
-    asked: list[int] = []
-
-    def derive(files: list[tuple[Path, int]]) -> list[dict]:
-        asked.extend(index for _, index in files)
-        return list(module.derive_here(files))
-
-    assert dataset.episodes_table(derive).equals(known) and dataset.episodes_table(derive).equals(known)
-    assert dataset.episodes_table(derive, ["steps", "bytes"]).equals(known.select(["steps", "bytes"]))
+    asked = derived(monkeypatch)
+    assert dataset.episodes_table().equals(known) and dataset.episodes_table().equals(known)
+    assert dataset.episodes_table(["steps", "bytes"]).equals(known.select(["steps", "bytes"]))
     assert asked == [0, 1, 3]
     write_episode(dataset.episode_path(1), make_episode(7))
-    changed = dataset.episodes_table(derive)
+    changed = dataset.episodes_table()
     assert (
         asked == [0, 1, 3, 1]
         and not changed.equals(known)
         and changed.equals(Dataset.open(dataset.path).episodes_table())
     )
+
+
+def test_tables_whose_episodes_are_all_gone_are_refused(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    for index in dataset.finished():
+        dataset.episode_path(index).unlink()
+    with pytest.raises(BusybotError, match="it has no table 'steps' yet"):
+        dataset.to_pandas()
+
+
+@pytest.mark.parametrize("settings", [{"chooser": 1, "render": 2}, {"chooser": "until_known", "render": "camera"}])
+def test_the_command_that_goes_on_copes_with_settings_of_another_form(settings: dict, tmp_path: Path) -> None:
+    info = make_dataset(tmp_path / "d").info
+    collect = COLLECT.model_copy(update={"settings": settings})
+    told = collect_command(tmp_path / "d", info.model_copy(update={"collect": collect}))
+    assert told == f"busybot collect {tmp_path / 'd'} --steps 6 --policy random --set interaction.delta=20"
 
 
 def test_whole_shards_without_episodes_disappear(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

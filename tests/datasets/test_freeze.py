@@ -18,7 +18,7 @@ from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.create import boards_again, create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
-from busybot.datasets.manifest import is_frozen, read_manifest
+from busybot.datasets.manifest import AssetEntry, is_frozen, read_manifest
 from busybot.datasets.summary import summarise
 from busybot.datasets.verify import verify
 from busybot.objects.library import Library
@@ -105,6 +105,7 @@ def test_a_manifest_with_other_hashes_is_noticed(dataset: Dataset) -> None:
         {"files": {"../../etc/passwd": {"sha256": "0" * 64, "bytes": 1}}},
         {"files": {"/etc/passwd": {"sha256": "0" * 64, "bytes": 1}}},
         {"files": {"a/../b": {"sha256": "0" * 64, "bytes": 1}}},
+        {"files": {"a\n": {"sha256": "0" * 64, "bytes": 1}}},
         {"files": {"a": {"sha256": "x", "bytes": -1}}},
         {"hashes": None},
         {"surprise": 1},
@@ -175,6 +176,17 @@ def test_the_card_has_front_matter_and_the_hashes(dataset: Dataset) -> None:
     for digest in manifest.hashes.model_dump().values():
         assert digest in body
     assert "{" not in body
+
+
+def test_what_the_card_repeats_is_no_markup(dataset: Dataset) -> None:
+    manifest = freeze(dataset.path, None).manifest
+    collect = manifest.collect.model_copy(update={"policy": "mine`\n# hers"})
+    odd = {"name": "# toys\n[here](http://x)", "split": "a`<b>|c", "collect": collect}
+    body = module.card(manifest.model_copy(update=odd)).split("\n---\n", 1)[1]
+    assert [line for line in body.splitlines() if line.startswith("# ")] == [r"# \# toys \[here\]\(http://x\)"]
+    assert "split `a <b> c` and" in body and "`mine # hers`, recorded by" in body
+    entry = AssetEntry(sha256="0" * 64, licence="MIT\n", carried=False)
+    assert manifest.model_copy(update={"assets": {"a": entry}}).licence is None
 
 
 @pytest.mark.parametrize("moment", ["_write_card", "file_entries", "write_json", "_finish"])

@@ -14,6 +14,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
 from busybot.datasets.importing.camera_folder import ImportOptions
+from busybot.datasets.importing.recording import imported_info
 from busybot.datasets.importing.sources import import_source
 from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode
@@ -125,6 +126,19 @@ def test_smaller_pictures_move_boxes_and_pixels(tmp_path: Path) -> None:
     )
     assert np.abs(made.image(0).boxes * 2 - episode.image(0).boxes).max() <= 2
     assert [step.pixel for step in made.steps] == [(u // 2, v // 2) for u, v in (step.pixel for step in episode.steps)]
+    rows = read_rows(folder / "actions.csv")
+    write_table(folder / "actions.csv", [rows[0] | {"u": "-1", "v": "-1"}, *rows[1:]])
+    with pytest.raises(BusybotError, match=r"actions\.csv: line 2: pixel \(-1, -1\) is outside"):
+        import_source(folder, None, ImportOptions(width=80))
+
+
+def test_a_dataset_that_cannot_be_is_refused(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0))
+    with pytest.raises(BusybotError, match="not an empty folder"):
+        import_source(folder, Path("/"))
+    with pytest.raises(BusybotError, match=r"long: collect\.steps: .* less than or equal to 100000") as error:
+        imported_info("made", 1, {"policy": "human", "steps": 100_001}, ("long", "divide it"))
+    assert error.value.hint == "divide it"
 
 
 @pytest.mark.parametrize("camera", [True, False])
@@ -144,6 +158,16 @@ def test_proposed_boxes_lead_to_the_same_relations(camera: bool, tmp_path: Path)
     claimed = judge_episode(made, ReasonEvaluation("count", 14)).graph.claimed(13)
     found = {(int(owner[i]), int(owner[j])) for i, j in np.argwhere(claimed)}
     assert found == {(t.object, one.responder) for one in episode.board.relations for t in one.triggers}
+
+
+def test_roles_are_proposed_from_points_as_from_pixels(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", recorded(1), camera=True, relations=False)
+    (folder / "objects.csv").unlink()
+    told = [import_source(folder, None, ImportOptions(proposed=True)).recordings[0]]
+    rows = [{key: value for key, value in row.items() if key not in "uv"} for row in read_rows(folder / "actions.csv")]
+    write_table(folder / "actions.csv", rows)
+    told.append(import_source(folder, None, ImportOptions(proposed=True)).recordings[0])
+    assert told[0]["triggers"] == told[1]["triggers"] == 3 and told[0]["responders"] == told[1]["responders"] == 5
 
 
 def test_without_boxes_nothing_is_inferred(tmp_path: Path) -> None:

@@ -159,6 +159,26 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
     "backwards": (lines(lambda told: told[::-1]), "states.jsonl: line 2: its time .* before"),
     "no JSON": (lines(lambda told: [told[0], "{"]), "states.jsonl: line 2: not valid JSON"),
     "no values": (lines(lambda told: ['{"ts": 1, "values": "on"}']), "states.jsonl: line 1: its values are no numbers"),
+    "beyond": (
+        lines(lambda told: [f'{{"ts": 1, "values": [{"9" * 400}]}}']),
+        "states.jsonl: line 1: its values .* 1e+",
+    ),
+    "a picture of before": (
+        lambda folder: [
+            write_table(
+                folder / "frames.csv",
+                [
+                    row | {"time": str(n if n == 2 else 100 + n)}
+                    for n, row in enumerate(read_rows(folder / "frames.csv"))
+                ],
+            ),
+            write_table(
+                folder / "actions.csv",
+                [{k: v for k, v in row.items() if k != "time"} for row in read_rows(folder / "actions.csv")],
+            ),
+        ],
+        "its log is from .*, the pictures from 2 s to",
+    ),
     "no time": (lines(lambda told: ['{"values": [1]}']), "states.jsonl: line 1: no ts"),
     "no such key": (
         lines(lambda told: [line.replace("box", "case") for line in told]),

@@ -116,6 +116,7 @@ def test_relations_of_a_stove_are_found_and_judged(tmp_path: Path) -> None:
 
 def test_what_nobody_told_is_unknown_and_rest_is_waited_for(tmp_path: Path) -> None:
     def change(events: list[dict[str, Any]]) -> None:
+        events[2]["metadata"]["lastActionSuccess"] = False
         events[3]["action"] = {"action": "Pass"}
         for one in events:
             for placed in one["metadata"]["objects"]:
@@ -123,7 +124,7 @@ def test_what_nobody_told_is_unknown_and_rest_is_waited_for(tmp_path: Path) -> N
 
     folder = write_thor(tmp_path / "both" / "first", change)
     told = import_source(folder.parent, None).recordings[0]
-    assert told["actions"] == 11 and told["relations"] is None and told["triggers"] == 4 and told["failed"] == "0"
+    assert told["actions"] == 11 and told["relations"] is None and told["triggers"] == 4 and told["failed"] == "1"
     assert imported(folder, ImportOptions(width=104))[0].rgb[0].shape == (64, 104, 3)
 
 

@@ -98,6 +98,11 @@ def test_a_saved_part_can_be_cut_and_saved_again(tmp_path: Path) -> None:
     file.write_bytes(again.data)
     assert again.steps < first.steps < 12
     assert read_episode(file).settings[SALVAGED] == {"of": 12}
+    odd = noisy(make_episode(steps=12))
+    write_episode(file, replace(odd, settings={**odd.settings, SALVAGED: 3}))
+    data = file.read_bytes()
+    file.write_bytes(salvage(data[: int(0.8 * len(data))]).data)
+    assert read_episode(file).settings[SALVAGED] == {"of": 12}, "what somebody else wrote there is no number of steps"
 
 
 def test_no_flipped_bit_makes_another_recording(tmp_path: Path) -> None:
@@ -165,7 +170,7 @@ def test_elsewhere_the_damaged_dataset_stays_as_it_is(dataset: Dataset, tmp_path
     assert out.info == dataset.info and out.finished() == {0, 1, 2} and verify(out.path).ok
     assert repair(dataset.path, tmp_path / "out") == done, "again, nothing else happens"
     make_dataset(tmp_path / "other", boards=2, finished=())
-    for place in (tmp_path / "other", dataset.path):
+    for place in (tmp_path / "other", dataset.path, dataset.path / "within"):
         with pytest.raises(BusybotError, match="another dataset|itself"):
             repair(dataset.path, place)
 

@@ -46,6 +46,16 @@ def test_boards_come_in_their_order_whatever_the_workers_and_interruptions(tmp_p
     assert (tmp_path / BOARDS).read_text().startswith(lines) and (tmp_path / BOARDS).read_text().count("\n") == 4
 
 
+def test_one_that_was_killed_at_its_first_file_goes_on(tmp_path: Path) -> None:
+    """And what is told of progress is of the boards that are wanted."""
+    left = tmp_path / ".settings.json.999999999-0123456789abcdef.tmp"
+    left.write_bytes(b"{")
+    told: list[tuple[int, int]] = []
+    for boards in ((0, 1, 2), (4,)):
+        judge_boards(boards, BoardWork(Counted, make, (1,), 1), {}, lambda *two: told.append(two), tmp_path)
+    assert not left.exists() and told[-1] == (1, 1) and sorted(told[:-1]) == [(1, 3), (2, 3), (3, 3)]
+
+
 def test_a_result_is_what_its_file_says(tmp_path: Path) -> None:
     assert conclude(tmp_path, {"share": 0.5, "pair": (1, 2)}) == read_json(tmp_path / RESULT)
     assert conclude(None, {"pair": (1, 2)}) == {"pair": [1, 2]}

@@ -49,6 +49,13 @@ def enter(boards: Dataset, numbers: Sequence[int] = (0, 1, 2), who: str = "m", *
     return log_judgement(boards, numbers, who, RESULT | values)
 
 
+def test_settings_of_another_form_hinder_no_entry(checkout: Path, boards: Dataset) -> None:
+    for settings in ({"render": 1}, {"render": {"camera": "real"}}):
+        collect = CollectInfo(policy="random", steps=1, settings=settings)
+        assert enter(Dataset(boards.path, boards.info.model_copy(update={"collect": collect})))
+    assert [one["recordings"]["camera"] for one in entries(checkout)] == [{}, {}]
+
+
 def test_each_judging_of_a_test_set_is_entered(checkout: Path, boards: Dataset) -> None:
     names = {enter(boards), enter(boards), enter(boards, (1,), who="other", parent_f1=0.75)}
     assert len(names) == 3 and names == {file.name for file in (checkout / judgements.LOG).iterdir()}

@@ -130,6 +130,12 @@ def test_a_damaged_index_does_no_harm(small: Path, tmp_path: Path, monkeypatch: 
     assert find(None, library.hashes()).sha256 == library.sha256
 
 
+def test_a_cache_that_cannot_be_written_does_no_harm(small: Path, parsed: list[str], tmp_path: Path) -> None:
+    for name in ("libraries.json", f"parsed-{cache._parser_hash()}.json"):
+        (tmp_path / "cache" / name).mkdir(parents=True)
+    assert list(find(str(small)).objects) == parsed == ["Lamp/globe-01", "Switch/slider-01"]
+
+
 @pytest.fixture
 def parsed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
     """Keys of the objects that are parsed in this process, which begins with nothing in its caches."""

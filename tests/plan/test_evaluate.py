@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
@@ -16,17 +17,19 @@ from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.info import CollectInfo
 from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode, Image, Observation, Step
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.interact.policy.policy_factory import load_once
 from busybot.objects.resolve import find
+from busybot.plan.agents import registry
 from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, unmoved_links
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
-from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner
+from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner, check_pictures
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.lookup import Lookup, Persistence
 from busybot.sim.builtin_policies import ScriptedFactory
@@ -34,6 +37,7 @@ from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import OracleObservation
 from busybot.sim.recorder import record_episode
+from busybot.sim.scene.appearance import Randomise
 from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
 from tests.reach import reachable
@@ -133,6 +137,26 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
     tasks = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), library)
     with pytest.raises(BusybotError, match="no recorded interactions"):
         run(tasks)
+    with pytest.raises(ValidationError, match="greater than or equal to 1"):
+        PlanConfig(boards=0)
+
+
+def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:
+    dataset = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), find("procedural"))
+    check_pictures(dataset, RenderConfig(width=320))  # nothing is recorded
+    seen = RenderConfig.model_validate({"width": 320, "camera": {"noise": 0.01, "blur": 0.8}})
+    recorded = {"camera": {"blur": 0.8, "noise": 0.01}, "width": 320, "height": 480}  # some are older than a setting
+    dataset.begin_collecting(CollectInfo(policy="random", steps=1, settings={"render": recorded}))
+    check_pictures(dataset, seen)
+    for other, problem in (
+        (seen.model_copy(update={"width": 640}), "render.width 320, not 640\n  hint: --set render.width=320"),
+        (RenderConfig(width=320), r"render.camera {.*}, not {}\n  hint: --set 'render.camera={\"blur\": 0.8, "),
+        (seen.model_copy(update={"randomise": Randomise(fov=0.1)}), "hint: --set 'render.randomise={}'"),
+    ):
+        with pytest.raises(BusybotError, match=problem):
+            check_pictures(dataset, other)
+    with pytest.raises(BusybotError, match=r"render.camera {.*}, not {}"):
+        run(dataset)
 
 
 def test_search_with_the_truth_solves_what_search_may_not(player: RolloutRunner, task: PreparedTask) -> None:
@@ -218,3 +242,12 @@ def test_a_missing_relation_is_told(simulator: Simulator, task: PreparedTask) ->
     judged = blind.play(prepared, "busybot").judged
     assert judged.steps == 0 and "known to control" in judged.stopped
     assert {one.cause for one in judged.responders if not one.reached} == {"wrong relation"}
+
+
+def test_an_agent_that_was_told_the_relations_misses_none(
+    simulator: Simulator, task: PreparedTask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(registry.AGENTS, "idle", registry.AgentSpec(lambda _: NoopAgent(), relations=True))
+    blind = RolloutRunner(simulator, Persistence(), load_once(MODEL))
+    judged = blind.play(blind.prepare(task.history), "idle").judged
+    assert {one.cause for one in judged.responders if not one.reached} == {"not tried"}

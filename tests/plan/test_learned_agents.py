@@ -4,20 +4,25 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from busybot.boards.config import BoardConfig
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
+from busybot.datasets.create import create_dataset
+from busybot.datasets.info import CollectInfo
+from busybot.objects.resolve import find
 from busybot.plan.agents.registry import LearnedAgent, kind_of, learned, name_of
 from busybot.plan.learning.bc import BcLearner, demonstrate
 from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.config import BcConfig, PpoConfig
 from busybot.plan.learning.encoding import STOP
+from busybot.plan.learning.explore import BoardGraphConfig
 from busybot.plan.learning.network import (
     PolicyInfo,
     PolicyNetwork,
@@ -27,7 +32,7 @@ from busybot.plan.learning.network import (
     play,
     rows_of,
 )
-from busybot.plan.learning.train import make_learner
+from busybot.plan.learning.train import PracticeSource, held_apart, make_learner, train_policy
 from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import Learner, LoopConfig, fit
@@ -135,6 +140,33 @@ def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config
     lines = (tmp_path / "killed" / "metrics" / f"{config.agent}.jsonl").read_text()
     assert lines == (tmp_path / "whole" / "metrics" / f"{config.agent}.jsonl").read_text()
     assert 0 <= json.loads(lines.splitlines()[-1])["validation"]["success"] <= 1
+
+
+def test_no_more_boards_are_trained_on_than_asked_for() -> None:
+    found = toys(4)
+    everything, held_out = held_apart(found, LoopConfig(held_out=0.25), 0)
+    some, others = held_apart(found, LoopConfig(held_out=0.25, boards=2), 0)
+    assert (len(everything), len(held_out), len(some)) == (3, 1, 2)
+    assert some == everything[:2] and others == held_out
+
+
+def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    library, out = find("procedural"), tmp_path / "out"
+    paper, gates = BoardConfig(boards=1, tasks="one-to-one"), BoardConfig(boards=1, world="gates", tasks="reach")
+    data = {name: create_dataset(tmp_path / name, of, library) for name, of in (("paper", paper), ("gates", gates))}
+
+    def refused(name: str, problem: str, explore: dict[str, Any] | None = None) -> None:
+        config = BC.model_copy(update={"explore": BoardGraphConfig.model_validate(explore or {})})
+        with pytest.raises(BusybotError, match=problem):
+            train_policy(out, config, PracticeSource((data[name].path,), "procedural"), 0, 1, None)  # type: ignore[arg-type]
+        assert not out.exists()
+
+    refused("gates", "of the world 'gates', which cannot be explored")
+    refused("paper", "learned.explore changes nothing where agents choose", {"learned": {"explore": 0.3}})
+    refused("paper", "parameter explor of the learned policy", {"learned": {"explor": 0.3}})
+    for render, problem in (({"width": 320}, "render.width 320, not 640"), ({"camera": {"blur": 0.8}}, "real camera")):
+        data["paper"].begin_collecting(CollectInfo(policy="random", steps=1, settings={"render": render}))
+        refused("paper", problem)
 
 
 def test_the_learning_rate_falls_to_zero() -> None:

@@ -40,6 +40,17 @@ def test_gymnasium_knows_it_and_its_checker_passes(env: BusyBoardEnv) -> None:
     check_env(env, skip_render_check=True)
 
 
+@pytest.mark.parametrize("world", ["kitchen", "room"])
+def test_scenes_are_larger_and_their_cameras_farther_away(world: str) -> None:
+    env = BusyBoardEnv(boards={"world": world}, render=SMALL)
+    for seed in range(3):
+        observation, info = env.reset(seed=seed)
+        assert env.observation_space.contains(observation)
+        for placed in info["board"].objects:
+            assert env.action_space["position"].contains(np.array(placed.position, np.float32))
+    env.close()
+
+
 def test_same_seed_same_rollout_other_seed_other_board(env: BusyBoardEnv) -> None:
     assert rollout(env, 5) == rollout(env, 5)
     assert env.reset(seed=5)[1]["board"] != env.reset(seed=6)[1]["board"]
@@ -96,6 +107,14 @@ def test_board_options_are_honoured() -> None:
     for seed in range(5):
         board = env.reset(seed=seed)[1]["board"]
         assert [relation.kind for relation in board.relations] == ["one-to-one"]
+    env.close()
+
+
+def test_relations_of_a_real_board_differ_from_seed_to_seed() -> None:
+    env = BusyBoardEnv(boards={"world": "real-board"}, render=SMALL)
+    boards = [env.reset(seed=seed)[1]["board"] for seed in range(8)]
+    assert len({str(board.relation_matrix()) for board in boards}) > 1
+    assert env.reset(seed=3)[1]["board"] == boards[3]
     env.close()
 
 

@@ -115,6 +115,18 @@ def test_an_oracle_without_the_scene_says_what_it_needs(small_simulator: Simulat
         record(small_simulator, Disguised())
 
 
+@pytest.mark.parametrize(
+    "action", [Action((160, 0), (0,)), Action((0, -1), (0,)), Action((3, 4), ()), Action((3, 4), (18,))]
+)
+def test_what_is_no_action_is_refused(
+    small_simulator: Simulator, action: Action, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Curious, "select_action", lambda *_: action)
+    with pytest.raises(BusybotError, match="the policy 'curious' chose Action") as error:
+        record(small_simulator, CuriousFactory(lambda _: None))
+    assert "160 x 120" in str(error.value.hint)
+
+
 def test_built_in_policies_are_known_by_name(small_simulator: Simulator) -> None:
     assert builtin_factory("random") == RandomFactory() and builtin_factory("scripted") == ScriptedFactory()
     assert (RandomPolicy.name, ScriptedPolicy.name) == ("random", "scripted")

@@ -112,5 +112,9 @@ def test_what_cannot_be_put_back_is_said(small_simulator: Simulator, tmp_path: P
     with pytest.raises(BusybotError, match="renderer"):
         render_config(make_episode())
     write_episode(tmp_path / "e.mcap", replace(episode, settings={}))
+    for seed in ("7a", None, [1]):
+        told = replace(episode, settings=episode.settings | {"seed": seed})
+        with pytest.raises(BusybotError, match="seed: .* is no whole number"):
+            EpisodeReplay(small_simulator, told).observe(0)
     with pytest.raises(BusybotError, match="interaction"):
         act_again(small_simulator, episode.board, read_episode(tmp_path / "e.mcap"))

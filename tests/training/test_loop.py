@@ -7,10 +7,11 @@ import pytest
 import torch
 from torch import nn
 
+from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
-from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit
-from busybot.training.run_folder import read_metrics
+from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, groups_apart
+from busybot.training.run_folder import begin_folder, read_metrics
 
 
 class Line(Learner):
@@ -106,6 +107,17 @@ def test_the_end_is_learned_once_with_the_best_weights_also_after_an_interruptio
     assert again.found[0] == float(again.network.weight.detach()), "these are the weights that are kept"
 
 
+def test_a_training_that_was_killed_at_its_first_file_goes_on(tmp_path: Path) -> None:
+    left = tmp_path / ".train.json.999999999-0123456789abcdef.tmp"
+    left.write_bytes(b"{")
+    for _ in range(2):
+        begin_folder(tmp_path, LoopConfig(), 0)
+    assert [path.name for path in tmp_path.iterdir()] == ["train.json"]
+    (tmp_path / "train.json").rename(tmp_path / "mine")
+    with pytest.raises(BusybotError, match="it holds 'mine'"):
+        begin_folder(tmp_path, LoopConfig(), 0)
+
+
 def test_learning_rates() -> None:
     rising = [cosine_rate(1.0, 10, iteration, 1000) for iteration in range(10)]
     assert rising == sorted(rising) and rising[0] == pytest.approx(0.1) and rising[-1] == pytest.approx(1, abs=1e-3)
@@ -119,3 +131,10 @@ def test_one_step_has_its_learning_rate_and_a_gradient_that_is_not_too_long() ->
     descend(optimizer, 100 * network(torch.ones(1, 2)).sum(), rate=0.5, clip=2)
     after = torch.cat([value.flatten() for value in network.parameters()]).detach()
     assert float((after - before).norm()) == pytest.approx(0.5 * 2, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("groups", "share", "held"), [(1, 0.9, 0), (2, 0.6, 1), (10, 0.25, 3), (10, 0, 0), (0, 0.5, 0)]
+)
+def test_one_group_stays_to_train_on(groups: int, share: float, held: int) -> None:
+    assert len(groups_apart(set(range(groups)), share, 0, "test")) == held

@@ -4,6 +4,7 @@ import math
 import re
 from itertools import zip_longest
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -92,7 +93,7 @@ def tiny(
     from busybot.datasets.freeze import copy_tiny
 
     count = copy_tiny(out)
-    tell(f"{out}: {counted(count, 'file')}; next: busybot view {out}")
+    tell(f"{out}: {counted(count, 'file')}; next: busybot view {quote(str(out))}")
 
 
 @app.command()

@@ -1,6 +1,7 @@
 """Prints the answers of `busybot dataset` for people."""
 
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from busybot.cli.common import console, counted, pixel_shares, say, tell
@@ -117,7 +118,7 @@ def imported(done: "Imported") -> None:
         return
     say(f"{done.dataset.path}: {counted(done.dataset.info.boards, 'episode')}, without states")
     if any(not one["triggers"] or not one["responders"] or one.get("boxes") == 0 for one in done.recordings):
-        say(f"next, because nothing is inferred without boxes: busybot annotate {done.dataset.path}")
+        say(f"next, because nothing is inferred without boxes: busybot annotate {quote(str(done.dataset.path))}")
 
 
 def regenerated(found: "Regenerated") -> None:

@@ -191,7 +191,7 @@ def interact(
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
-    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of EvaluateConfig.")] = None,
+    config: Annotated[Path | None, typer.Option(help="YAML file with parameters of InteractEvaluation.")] = None,
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
     json: JsonOption = False,
 ) -> None:
@@ -299,7 +299,7 @@ def plan(
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
     config: Annotated[Path | None, typer.Option(help="YAML file with parameters of PlanConfig.")] = None,
-    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.explore=0.5.")] = None,
+    set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.caution=0.5.")] = None,
     json: JsonOption = False,
 ) -> None:
     """How often agents make a board look as its goal picture: at most eight steps on each task.

@@ -36,7 +36,7 @@ from busybot.common.atomic_io import (
 )
 from busybot.common.errors import BusybotError, naming
 from busybot.common.process_pool import Progress, share
-from busybot.common.text import markdown_text
+from busybot.common.text import markdown_code, markdown_text
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
 from busybot.datasets.manifest import CARD_FILE
@@ -360,21 +360,16 @@ def card(dataset: Dataset, episodes: Sequence[dict[str, Any]], worlds: Sequence[
     return "\n".join([*front, "---", ""]) + _TEXT.format(
         name=markdown_text(info.name),
         boards=rows["boards"],
-        worlds=", ".join(map(_code, worlds)),
-        split=_code(info.split),
+        worlds=", ".join(map(markdown_code, worlds)),
+        split=markdown_code(info.split),
         seed=info.seed,
         steps=sum(row["steps"] for row in episodes),
         version=__version__,
-        policy=_code(info.collect.policy) if info.collect else "unknown",
+        policy=markdown_code(info.collect.policy) if info.collect else "unknown",
         policy_seed=info.collect.seed if info.collect else "unknown",
         hashes=dataset.hashes(),
         generator=markdown_text(info.generator.version),
-        config=_code(json.dumps(info.generator.config, sort_keys=True)),
+        config=markdown_code(json.dumps(info.generator.config, sort_keys=True)),
         objects=markdown_text(f"{info.assets.name} ({len(info.assets.sha256)})"),
         columns="\n\n".join(columns),
     )
-
-
-def _code(text: str) -> str:
-    """Text from a file as a piece of code, also within a table."""
-    return f"`{' '.join(text.replace('`', ' ').replace('|', ' ').split())}`"

@@ -10,7 +10,7 @@ from typing import Any
 
 from busybot import __version__
 from busybot.common.atomic_io import write_atomically
-from busybot.common.text import markdown_text
+from busybot.common.text import markdown_code, markdown_text
 from busybot.datasets.exporting.folder import Source, merge, write_table
 from busybot.datasets.exporting.frames import IMAGE, PRIVILEGED, TABLES, episode_tables, table_names
 from busybot.datasets.manifest import CARD_FILE
@@ -79,9 +79,9 @@ def card(source: Source) -> str:
         name=markdown_text(source.info.name),
         episodes=len(source.rows),
         steps=sum(row["steps"] for row in source.rows),
-        split=_code(source.info.split),
+        split=markdown_code(source.info.split),
         seed=source.info.seed,
-        policies=", ".join(sorted({_code(row["policy"]) for row in source.rows})),
+        policies=", ".join(sorted({markdown_code(row["policy"]) for row in source.rows})),
         version=__version__,
         privileged=_INCLUDED if source.privileged else _LEFT_OUT,
         hashes=source.hashes,
@@ -101,8 +101,3 @@ def _columns(table: str) -> str:
     ]
     kept = ", for judging alone" if table.startswith(PRIVILEGED) else ""
     return f"### {config_name(table)}{kept}\n\n| column | type | meaning |\n|---|---|---|\n" + "\n".join(rows)
-
-
-def _code(text: str) -> str:
-    """Text from a file as a piece of code."""
-    return f"`{' '.join(text.replace('`', ' ').replace('|', ' ').split())}`"

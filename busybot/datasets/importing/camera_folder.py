@@ -194,10 +194,11 @@ def narrowed(recording: Recording, width: int) -> Recording:
     camera = recording.camera
     if camera is not None:
         camera = Camera(width, height, np.diag([across, down, 1.0]) @ camera.matrix, camera.pose)
-    moved = [
-        one if one.pixel is None else replace(one, pixel=(int(one.pixel[0] * across), int(one.pixel[1] * down)))
-        for one in recording.actions
-    ]
+
+    def pixel(one: tuple[int, int] | None) -> tuple[int, int] | None:  # one outside of the picture stays outside
+        return None if one is None else (math.floor(one[0] * across), math.floor(one[1] * down))
+
+    moved = [replace(one, pixel=pixel(one.pixel)) for one in recording.actions]
     objects = [replace(one, box=box(one.box)) for one in recording.objects]
     small = {"size": (width, height), "pictures": pictures, "camera": camera, "actions": moved, "objects": objects}
     return replace(recording, **small)  # type: ignore[arg-type]

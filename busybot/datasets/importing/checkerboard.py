@@ -14,7 +14,6 @@ from typing import Any
 import cv2
 import numpy as np
 
-from busybot.common.atomic_io import inside
 from busybot.common.errors import BusybotError
 from busybot.datasets.importing.camera_pictures import PICTURES, Shot, decode_picture
 from busybot.datasets.importing.recording import BOARD
@@ -62,7 +61,7 @@ def calibrate(folder: Path, board: Checkerboard, flat: str, width: float) -> dic
         BusybotError: naming a picture that is missing, or of another size; too few show the checkerboard, or no camera
             without distortion sees it so.
     """
-    found = {name: corners for name, corners in _found(folder, board)}
+    found = _found(folder, board)
     size = _one_size(folder, found)
     seen = {name: corners for name, (corners, _) in found.items() if corners is not None}
     if flat not in found:
@@ -82,20 +81,19 @@ def calibrate(folder: Path, board: Checkerboard, flat: str, width: float) -> dic
     return {"camera": camera, "error": round(error, 3), "pictures": len(seen)}
 
 
-def _found(folder: Path, board: Checkerboard) -> list[tuple[str, tuple[np.ndarray | None, tuple[int, ...]]]]:
+def _found(folder: Path, board: Checkerboard) -> dict[str, tuple[np.ndarray | None, tuple[int, ...]]]:
     """Corners, float32 (K, 2), and shape of each picture; None where the checkerboard does not show."""
     if not folder.is_dir():
         raise BusybotError(f"{folder}: there is no such folder", "name a folder with pictures of the checkerboard")
     names = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in PICTURES)
-    told = []
+    told: dict[str, tuple[np.ndarray | None, tuple[int, ...]]] = {}
     for name in names:
-        inside(folder, name)
         grey = decode_picture(folder, Shot(name, -1, None, None, str(folder / name)), name, cv2.IMREAD_GRAYSCALE)
         there, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=cv2.CALIB_CB_ACCURACY)
         if there:
             corners = corners.reshape(-1, 2)
             corners = corners if corners[0].sum() < corners[-1].sum() else corners[::-1].copy()
-        told.append((name, (corners if there else None, grey.shape)))
+        told[name] = (corners if there else None, grey.shape)
     return told
 
 

@@ -35,8 +35,8 @@ from busybot.datasets.importing.csv_tables import (
     listed,
 )
 from busybot.datasets.importing.exported import HINT, ExportedRecording, exported_recordings
-from busybot.datasets.importing.recording import Episodes, check_episodes, store_episodes, unknown_step
-from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo, Seed
+from busybot.datasets.importing.recording import Episodes, check_episodes, imported_info, store_episodes, unknown_step
+from busybot.datasets.info import DatasetInfo, Seed
 from busybot.episodes.codec import decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Image, Step
 from busybot.episodes.schema import UNKNOWN_PIXEL
@@ -140,25 +140,11 @@ def _made(recordings: Sequence[ExportedRecording], name: str) -> tuple[DatasetIn
     boards = [_board(index, found, one) for index, (found, one) in enumerate(zip(recordings, told, strict=True))]
     longest = max(recordings, key=lambda recording: recording.frames())
     where = f"{recordings[0].file('episodes')} and {longest.file('frames')}"
-    info = _info(where, name, told[0], longest.frames() - 1, len(boards))
+    collect = {"policy": told[0].policy, "steps": longest.frames() - 1, "seed": told[0].seed}
+    info = imported_info(name, len(boards), collect, (where, HINT), told[0].split, told[0].seed)
     read = zip(recordings, told, boards, strict=True)
     made = ((Path(found.place), lambda found=found, one=one, b=b: _episode(found, one, b)) for found, one, b in read)
     return info, boards, made
-
-
-def _info(where: str, name: str, told: _Episode, steps: int, boards: int) -> DatasetInfo:
-    try:
-        return DatasetInfo(
-            name=name[:200],
-            split=told.split,
-            seed=told.seed,
-            boards=boards,
-            generator=GeneratorInfo(version=IMPORTED),
-            assets=AssetsInfo(source="folder", name="unknown"),
-            collect=CollectInfo(policy=told.policy, steps=steps, images="png", seed=told.seed),
-        )
-    except ValidationError as error:
-        raise BusybotError(f"{where}: {first_fault(error)}", HINT) from None
 
 
 def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpec:

@@ -13,7 +13,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from busybot.datasets.importing.recording import KnownObject, Recording, image_camera
+from busybot.common.errors import naming
+from busybot.datasets.importing.recording import KnownObject, Recording, image_camera, pixel_of
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Camera
 
@@ -64,8 +65,11 @@ class Proposal:
 
 def propose_objects(recording: Recording) -> list[KnownObject]:
     """Objects with boxes and roles; all pictures are decoded."""
-    pixels = [action.pixel for action in recording.actions]
-    found = propose(recording.pictures(), pixels, recording.camera or image_camera(*recording.size))
+    camera, pixels = recording.camera or image_camera(*recording.size), []
+    for action in recording.actions:
+        with naming(action.where):
+            pixels.append(action.pixel or pixel_of(camera, action.point))
+    found = propose(recording.pictures(), pixels, camera)
     return [
         KnownObject("", one.role, one.box, None, f"{recording.place}: proposed object {number}")
         for number, one in enumerate(found)

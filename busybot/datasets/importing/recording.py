@@ -10,6 +10,7 @@ from above, its shorter side as long as a board (4 units). Directions are then t
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -21,7 +22,7 @@ from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_PIXELS
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import IMPORTED, AssetsInfo, CollectInfo, DatasetInfo, GeneratorInfo
+from busybot.datasets.info import IMPORTED, DatasetInfo
 from busybot.episodes.camera import project
 from busybot.episodes.codec import DepthScale
 from busybot.episodes.episode import Camera, Episode, Image, Link, Step
@@ -192,30 +193,45 @@ def store_recordings(
     Raises:
         BusybotError: naming file and line, if something contradicts itself; or something is at `out`.
     """
-    boards, made = _made(source, recordings)
-    info = DatasetInfo(
-        name=out.absolute().name[:200],
-        split=IMPORTED,
-        seed=0,
-        boards=len(boards),
-        generator=GeneratorInfo(version=IMPORTED),
-        assets=AssetsInfo(source="folder", name="unknown"),
-        collect=CollectInfo(policy="human", steps=max(len(one.actions) for one in recordings), images="png"),
-    )
-    return store_episodes(out, info, boards, made, progress)
+    refuse_taken(out.absolute())
+    return store_episodes(out, *_made(source, recordings, out.absolute().name), progress)
 
 
 def check_recordings(source: str, recordings: Sequence[Recording], progress: Progress | None = None) -> None:
     """Refuse what `store_recordings` would refuse, and write nothing."""
-    boards, made = _made(source, recordings)
+    _, boards, made = _made(source, recordings, recordings[0].place.name)
     check_episodes(made, len(boards), progress)
 
 
-def _made(source: str, recordings: Sequence[Recording]) -> tuple[list[BoardSpec], Episodes]:
-    """Boards of recordings, and who makes their episodes."""
+def _made(source: str, recordings: Sequence[Recording], name: str) -> tuple[DatasetInfo, list[BoardSpec], Episodes]:
+    """What a dataset of this name says of itself, its boards, and who makes their episodes."""
     boards = [board_of(index, one) for index, one in enumerate(recordings)]
+    longest = max(recordings, key=lambda one: len(one.actions))
+    collect = {"policy": "human", "steps": len(longest.actions)}
+    info = imported_info(name, len(boards), collect, (str(longest.place), "divide the recording"))
     pairs = zip(recordings, boards, strict=True)
-    return boards, ((one.place, lambda one=one, board=board: episode_of(source, one, board)) for one, board in pairs)
+    made = ((one.place, lambda one=one, board=board: episode_of(source, one, board)) for one, board in pairs)
+    return info, boards, made
+
+
+def imported_info(
+    name: str, boards: int, collect: dict[str, Any], told: tuple[str, str], split: str = IMPORTED, seed: int = 0
+) -> DatasetInfo:
+    """What a dataset of so many imported boards says of itself.
+
+    Args:
+        collect: fields of `CollectInfo`.
+        told: what tells of it, and a hint, for messages.
+
+    Raises:
+        BusybotError: a value does not fit.
+    """
+    values = {"name": name[:200] or IMPORTED, "split": split, "seed": seed, "boards": boards}
+    values |= {"generator": {"version": IMPORTED}, "assets": {"source": "folder", "name": "unknown"}}
+    try:
+        return DatasetInfo.model_validate(values | {"collect": collect | {"images": "png"}})
+    except ValidationError as error:
+        raise BusybotError(f"{told[0]}: {first_fault(error)}", told[1]) from None
 
 
 def board_of(index: int, told: Recording) -> BoardSpec:
@@ -367,7 +383,7 @@ def positions_of(objects: Sequence[KnownObject], camera: Camera, depth: np.ndarr
 
 def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None, shown: str) -> Step:
     with naming(told.where):
-        pixel = told.pixel or _seen(camera, told.point)
+        pixel = told.pixel or pixel_of(camera, told.point)
         if told.pixel is not None and not (0 <= pixel[0] < camera.width and 0 <= pixel[1] < camera.height):
             what = f"pixel {pixel} is outside of pictures of {camera.width} x {camera.height} pixels ({shown})"
             raise BusybotError(what, "u counts columns from the left, v rows from the top, both from 0")
@@ -376,8 +392,8 @@ def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None, shown: st
     return unknown_step(pixel, (x, y, z), told.direction)
 
 
-def _seen(camera: Camera, point: tuple[float, float, float] | None) -> tuple[int, int]:
-    """The pixel that shows a point."""
+def pixel_of(camera: Camera, point: tuple[float, float, float] | None) -> tuple[int, int]:
+    """The pixel that shows a point; BusybotError where none does."""
     seen, far = project(np.array(point, float), camera)
     pixel = (int(np.floor(seen[0])), int(np.floor(seen[1]))) if far > 0 and np.isfinite(seen).all() else UNKNOWN_PIXEL
     inside = 0 <= pixel[0] < camera.width and 0 <= pixel[1] < camera.height

@@ -23,6 +23,8 @@ from busybot.datasets.importing.time_alignment import read_time
 
 STATES_FILE = "states.jsonl"
 MOST_STATES = 16
+LARGEST = 1e300
+"""Of a value: whole numbers may be larger than a float can be."""
 HINT = 'a line is {"ts": 12.5, "device": "switches", "values": [1, 0]}'
 
 
@@ -59,12 +61,11 @@ def read_states(
 
 def _joined(named: str, told: Sequence[tuple[float, float]], times: Sequence[float]) -> np.ndarray:
     when, values = np.array([at for at, _ in told]), np.array([value for _, value in told])
-    last = np.searchsorted(when, times, side="right") - 1
-    if last[0] < 0 or times[-1] > when[-1] + max(3600.0, times[-1] - times[0]):
-        what = (
-            f"{named}: its log is from {when[0]:.10g} s to {when[-1]:.10g} s, the pictures from {times[0]:.10g} s to "
-        )
-        raise BusybotError(f"{what}{times[-1]:.10g} s", "both are seconds of one clock; a log in another time zone?")
+    last, first, end = np.searchsorted(when, times, side="right") - 1, min(times), max(times)
+    if first < when[0] or end > when[-1] + max(3600.0, end - first):
+        what = f"{named}: its log is from {when[0]:.10g} s to {when[-1]:.10g} s, "
+        what += f"the pictures from {first:.10g} s to {end:.10g} s"
+        raise BusybotError(what, "both are seconds of one clock; a log in another time zone?")
     kinds = np.unique(values)
     if len(kinds) > MOST_STATES:
         raise BusybotError(f"{named}: {len(kinds)} different values", f"log at most {MOST_STATES} states; round them")
@@ -127,6 +128,6 @@ def _values(where: str, device: str, values: Any) -> dict[str, float]:
         if isinstance(values, dict)
         else None
     )
-    if pairs is None or any(not isinstance(value, bool | int | float) for _, value in pairs):
-        raise BusybotError(f"{where}: its values are no numbers", HINT)
+    if pairs is None or any(not isinstance(value, bool | int | float) or abs(value) > LARGEST for _, value in pairs):
+        raise BusybotError(f"{where}: its values are no numbers, or beyond {LARGEST:g}", HINT)
     return {f"{device}.{name}" if device else str(name): float(value) for name, value in pairs}

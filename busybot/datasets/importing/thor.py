@@ -199,7 +199,8 @@ def _frames(events: Sequence[_Read]) -> list[_Read]:
             raise BusybotError(what, "divide the recording there")
         if one.kind in IDLE:
             kept = found[-1].event
-            rested = one.event.model_copy(update={"action": kept.action})
+            facts = one.event.metadata.model_copy(update={"last_action_success": kept.metadata.last_action_success})
+            rested = one.event.model_copy(update={"action": kept.action, "metadata": facts})
             found[-1] = _Read(one.file, one.picture, rested)
         elif one.kind in DIRECTIONS:
             found.append(one)

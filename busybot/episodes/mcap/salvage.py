@@ -179,5 +179,6 @@ def _write(remains: Records, steps: int, of: int) -> bytes:
 def _marked(recording: bytes, of: int) -> bytes:
     values: dict[str, Any] = json.loads(recording)
     settings = dict(values["settings"])
-    of = settings.get(SALVAGED, {}).get("of", of)  # it may have been saved before
+    before = settings.get(SALVAGED)
+    of = before.get("of", of) if isinstance(before, dict) else of  # it may have been saved before
     return json.dumps({**values, "settings": {**settings, SALVAGED: {"of": of}}}, sort_keys=True).encode()

@@ -1,4 +1,4 @@
-"""An episode to an MCAP file, which is written whole or not at all; `episodes.mcap.topics` lists its channels.
+"""An episode to an MCAP file, which is written whole or not at all; `episodes.mcap.channels` lists its channels.
 
 The order of channels and messages, times, and all attachments follow from the episode alone, so equal episodes give
 equal bytes in any process; only the library versions in header and metadata may differ between installations.

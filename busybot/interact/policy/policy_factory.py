@@ -24,9 +24,11 @@ if TYPE_CHECKING:
 DEFAULT_MODEL = "procedural"
 """The shipped model that commands use when none is named."""
 _OF_THE_BONUS = frozenset({"ucb_c", "ucb_window"})
+_OF_EVALUATING, _OF_COLLECTING = frozenset({"explore", "insist"}), frozenset({"collect", "persist", "untried_first"})
+_OF_CHOOSING = _OF_THE_BONUS | _OF_EVALUATING | _OF_COLLECTING
 _NOT_READ: dict[Mode, frozenset[str]] = {
-    "evaluate": _OF_THE_BONUS | {"collect", "persist", "untried_first"},
-    "collect": _OF_THE_BONUS | {"explore", "insist"},
+    "evaluate": _OF_THE_BONUS | _OF_COLLECTING,
+    "collect": _OF_THE_BONUS | _OF_EVALUATING,
     "greedy": frozenset(PolicyConfig.model_fields) - {"blur"},
     "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,
 }
@@ -77,11 +79,11 @@ class LearnedPolicyFactory:
         """
         info = card_of(self.model)
         config = policy_config(info, self.overrides)
-        unread, of_which = _NOT_READ[self.mode], ""
+        unread, where = _NOT_READ[self.mode], f"in mode {self.mode}"
         if self._acts_as_paper(info):
-            unread, of_which = frozenset(PolicyConfig.model_fields) - _READ_AS_PAPER[self.mode], " of the paper's model"
-        for name in sorted(unread.intersection(self.overrides)):
-            raise UsageError(f"learned.{name} changes nothing in mode {self.mode}{of_which}", "leave it out")
+            unread = frozenset(PolicyConfig.model_fields) - _READ_AS_PAPER[self.mode]
+            where += " of the paper's model"
+        _refuse_unread(self.overrides, unread, where)
         return config
 
     def _acts_as_paper(self, info: AffordanceInfo) -> bool:
@@ -148,6 +150,22 @@ def policy_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConf
         raise UsageError(f"parameter {place} of the learned policy: {first['msg']}", known) from None
     except ValueError as error:
         raise UsageError(f"parameter {error}", "leave it out") from None
+
+
+def candidates_config(info: AffordanceInfo, overrides: dict[str, Any]) -> PolicyConfig:
+    """`policy_config` for candidates among which somebody else chooses.
+
+    Raises:
+        BusybotError: as there; or an override is of what only the policy's own choice reads.
+    """
+    config = policy_config(info, overrides)
+    _refuse_unread(overrides, _OF_CHOOSING, "where agents choose among the candidates")
+    return config
+
+
+def _refuse_unread(overrides: dict[str, Any], unread: frozenset[str], where: str) -> None:
+    for name in sorted(unread.intersection(overrides)):
+        raise UsageError(f"learned.{name} changes nothing {where}", "leave it out")
 
 
 def fingerprint(name_or_path: str) -> dict[str, Any]:

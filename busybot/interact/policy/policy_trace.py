@@ -9,8 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from busybot.datasets.info import IMPORTED
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Observation, Step
+from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import ActionModel, Candidates, V, find_candidates, pairs_at, prior_shift
 from busybot.interact.policy.config import PolicyConfig
@@ -54,23 +56,27 @@ def retrace(episode: Episode, model: ActionModel[V], config: PolicyConfig | None
         memory = memory or BoardMemory(view.height, config, least_depth(before.depth))
         found = find_candidates(model, before, rays, memory, config, view)
         affordance = sigmoid(view.affordance + prior_shift(config))
-        known = bool(memory.links[step.pixel[1], step.pixel[0]])
+        known = step.pixel != UNKNOWN_PIXEL and bool(memory.links[step.pixel[1], step.pixel[0]])
         yield PolicyTrace(index, affordance, found, memory.links.copy(), known)
-        remember(memory, step, before, after, partial(pairs_at, model, view, step.pixel, memory, config))
+        if IMPORTED not in episode.settings:  # there nobody told whether it moved
+            remember(memory, step, before, after, partial(pairs_at, model, view, step.pixel, memory, config))
 
 
 def remember(
     memory: BoardMemory, step: Step, before: Observation, after: Observation, pairs: Callable[[], np.ndarray]
 ) -> None:
-    """Tell a memory what came of a recorded action.
+    """Tell a memory what came of a recorded action, if the recording says where it was.
 
     Args:
         before, after: what was seen.
         pairs: `candidates.pairs_at` the action's pixel, (9,); asked for when the action failed.
     """
+    if step.pixel == UNKNOWN_PIXEL:
+        return
+    executed = step.executed or (step.direction,)
     if step.reward:
-        memory.succeeded(step.pixel, step.executed[-1], before, after)
+        memory.succeeded(step.pixel, executed[-1], before, after)
         return
     believed = pairs()
-    tried = {int(PAIR_OF[one]) for one in step.executed} or {int(PAIR_OF[step.direction])}
+    tried = {int(PAIR_OF[one]) for one in executed}
     memory.failed(Failure(step.pixel, {pair: float(believed[pair]) for pair in sorted(tried)}))

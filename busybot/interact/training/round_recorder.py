@@ -4,10 +4,12 @@ There is one dataset per round (or epoch), which can be browsed like any other.
 """
 
 import json
+import shlex
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from busybot.boards.config import BoardConfig
 from busybot.common.config import flat
@@ -16,7 +18,7 @@ from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import collect_command
+from busybot.datasets.info import collect_command, with_unsaid
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import RecordConfig
@@ -119,16 +121,24 @@ def finished(dataset: Dataset, config: RecordConfig, offline: bool = False) -> D
         hint = collect_command(dataset.path, dataset.info)
         raise BusybotError(what, "record the others: the same command without --offline" if offline else hint)
     wanted = config.model_dump(mode="json", include={"responders", "interaction", "render"})
-    collect, asked = dataset.info.collect, flat(wanted)
+    collect, asked = dataset.info.collect, _named(wanted)
     assert collect is not None  # else nothing were recorded
-    known = {"interaction.strict": collect.strict, "interaction.delta": collect.delta, **flat(collect.settings)}
+    known = {"interaction.strict": collect.strict, "interaction.delta": collect.delta, **_named(collect.settings)}
     for name in sorted(asked.keys() & known.keys()):
         if known[name] != asked[name]:
             what = f"{dataset.path}: recorded with {name} {json.dumps(known[name])}, not {json.dumps(asked[name])}"
             vetoed = name == "interaction.strict" and asked[name]
-            hint = "train without --strict" if vetoed else f"train with --set {name}={json.dumps(known[name])}"
+            again = shlex.quote(f"{name}={json.dumps(known[name])}")
+            hint = "train without --strict" if vetoed else f"train with --set {again}"
             raise BusybotError(what, hint)
     return dataset
+
+
+def _named(settings: dict[str, Any]) -> dict[str, Any]:
+    """Settings by dotted names; the groups that JSON leaves out where they say nothing are there, as wholes."""
+    render = settings.get("render")
+    groups = with_unsaid(render) if isinstance(render, dict) else {}
+    return flat(settings) | {f"render.{name}": groups[name] for name in ("camera", "randomise") if groups}
 
 
 def draw_training(out: Path, batches: str, below: Callable[[Kind, Lines], Panel]) -> None:

@@ -26,6 +26,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import LazyImages, decode_plain, decode_rgb
 from busybot.episodes.episode import Camera, Episode, Step
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.interact.affordance.inputs import square_around
 from busybot.interact.policy.config import Inputs
 
@@ -112,6 +113,9 @@ def cache_samples(dataset: Dataset, folder: Path, inputs: Inputs, whole: bool = 
         for index in sorted(dataset.finished()):
             episode = read_episode(dataset.episode_path(index), "lazy")
             camera = _same_camera(camera, episode.camera, dataset.episode_path(index))
+            if any(step.pixel == UNKNOWN_PIXEL for step in episode.steps):
+                what = f"{dataset.episode_path(index)}: nobody says at which pixel it acted"
+                raise BusybotError(what, "train on what `busybot collect` records")
             for name, values in _labels(episode).items():
                 columns[name].append(values)
             columns[ROW].append(_write(file, episode, inputs, whole))

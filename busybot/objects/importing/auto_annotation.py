@@ -210,6 +210,7 @@ class _Rules:
 
     def decide(self) -> AutoAnnotation:
         category = self.category()
+        self.check_given(category)
         used = self.used(category)
         self.tell_left_out(category, used)
         orientation = self.orientation(category, used)
@@ -245,6 +246,13 @@ class _Rules:
             joints = ", ".join(f"{joint.name} ({joint.type})" for joint in self.raw.urdf.joints) or "none"
             self.refuse(f"no joint moves anything that shows (joints: {joints}), so it can be no {category}")
         return category
+
+    def check_given(self, category: Category) -> None:
+        """Refuse decisions about the other role, which would be left aside."""
+        others = ("effect",) if category == "Switch" else ("links", "directions")
+        if given := [name for name in others if getattr(self.given, name) is not None]:
+            what = f"the rules make it a {category}, which has no {' or '.join(given)}"
+            raise BusybotError(f"{self.raw.folder}: {what}", "say its category, too, in the overrides")
 
     def is_control(self, moving: Moving) -> bool:
         carrier = next((other for other in self.moving if other.link == moving.joint.parent), None)

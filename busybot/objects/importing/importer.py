@@ -25,7 +25,7 @@ from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices, Overrides
 from busybot.objects.importing.auto_annotation import RULES_VERSION, AutoAnnotation, decide, moving_links
 from busybot.objects.importing.raw import RawObject, read_raw
-from busybot.objects.library import MAX_OBJECTS, SPLIT_FILE, read_split_file
+from busybot.objects.library import LISTS, MAX_OBJECTS, OTHER, SPLIT_FILE, read_split_file
 from busybot.objects.model import CATEGORIES, ObjectModel, Split, catalogue
 from busybot.objects.partnet.annotation import FILE_NAME
 from busybot.objects.partnet.folder_snapshot import Snapshot, read_snapshot
@@ -271,8 +271,8 @@ def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
     chosen: str = split or (next(iter(listed)) if listed else usual)
     for category in CATEGORIES:
         here = value["Reason"].setdefault(category, {})
-        for name, name_of_split in (("train", "train"), ("test", "novel")):
-            ids = here.setdefault(name, [])
+        for name_of_split, name in LISTS.items():
+            ids = here.get(name, []) if name_of_split == OTHER else here.setdefault(name, [])
             if category != model.category or name_of_split != chosen:
                 ids[:] = [instance for instance in ids if instance != model.instance]
             elif model.instance not in ids:

@@ -118,7 +118,7 @@ class ObjectAnnotation(_Part):
 
 def parse_annotation(snapshot: Snapshot) -> ObjectAnnotation:
     """Read and check the annotation; errors name the file, the field and the hint."""
-    value = _read(snapshot)
+    value = annotation_values(snapshot)
     try:
         return ObjectAnnotation.model_validate(value)
     except ValidationError as error:
@@ -128,7 +128,7 @@ def parse_annotation(snapshot: Snapshot) -> ObjectAnnotation:
 def annotation_faults(snapshot: Snapshot) -> list[BusybotError]:
     """Everything that is wrong with the annotation, field by field; empty when nothing is."""
     try:
-        ObjectAnnotation.model_validate(_read(snapshot))
+        ObjectAnnotation.model_validate(annotation_values(snapshot))
     except ValidationError as error:
         return _described(snapshot, error)
     except BusybotError as error:
@@ -136,7 +136,8 @@ def annotation_faults(snapshot: Snapshot) -> list[BusybotError]:
     return []
 
 
-def _read(snapshot: Snapshot) -> Any:
+def annotation_values(snapshot: Snapshot) -> Any:
+    """The annotation's JSON as it is, unchecked."""
     return snapshot.parse_json(FILE_NAME, snapshot.require(FILE_NAME, MAX_BYTES, _HINT), _HINT)
 
 

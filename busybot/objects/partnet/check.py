@@ -7,15 +7,15 @@ URDF, each mesh.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
-from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices
 from busybot.objects.importing.auto_annotation import decide
 from busybot.objects.importing.raw import is_raw, read_raw
 from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
 from busybot.objects.model import CATEGORIES
-from busybot.objects.partnet.annotation import FILE_NAME, MAX_BYTES, annotation_faults
+from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults, annotation_values
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.partnet.loader import load_object
 from busybot.objects.partnet.meshes import check_meshes
@@ -76,7 +76,7 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
     try:
         if is_raw(folder):
             read_raw(folder)
-            return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _IMPORT.format(folder))]
+            return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _IMPORT.format(quote(str(folder))))]
         if key is None:
             load_object(folder)
         else:
@@ -89,9 +89,10 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
 
 def _questions(name: str, folder: Path) -> list[Finding]:
     """What the rules doubted when they annotated the object, if it still is as they chose."""
-    value = read_json(folder / FILE_NAME, MAX_BYTES)
+    value = annotation_values(read_snapshot(folder.absolute()))
     told = value.get("Import")
-    if not isinstance(told, dict) or "orientation" in (told.get("overrides") or ()):
+    overrides = told.get("overrides") if isinstance(told, dict) else None
+    if not isinstance(overrides, list) or "orientation" in overrides:
         return []
     links = {link: "two-state" for link in value["Movable_link"]} if value.get("Cause") else None
     given = Choices.model_validate({"category": value["Category"], "links": links or None})
@@ -112,7 +113,9 @@ def _faults(folder: Path) -> Iterator[BusybotError]:
     except BusybotError:
         return
     if is_raw(folder):
-        yield BusybotError(f"{folder}: is raw: it has no {FILE_NAME}", f"when it is sound, {_IMPORT.format(folder)}")
+        yield BusybotError(
+            f"{folder}: is raw: it has no {FILE_NAME}", f"when it is sound, {_IMPORT.format(quote(str(folder)))}"
+        )
     else:
         yield from annotation_faults(snapshot)
     try:

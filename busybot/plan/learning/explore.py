@@ -17,7 +17,7 @@ from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
+from busybot.interact.policy.policy_factory import candidates_config, fingerprint, load_once
 from busybot.objects.library import Library
 from busybot.plan.learning.board_graph import BoardGraph, ExploredBoard, load_explored, save_explored
 from busybot.plan.learning.encoding import CHOICES, STOP, offer
@@ -88,7 +88,7 @@ def make_work(
 ) -> Callable[[int], None]:
     """What a worker does with a board's index: explore it and write what was found."""
     dataset, loaded, simulator = Dataset.open(path), load_once(model), Simulator(library, config.render)
-    policy = policy_config(loaded.info, config.learned)
+    policy = candidates_config(loaded.info, config.learned)
     player = RolloutRunner(simulator, Persistence(), loaded, policy, config.interaction)
 
     def work(index: int) -> None:

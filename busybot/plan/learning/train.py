@@ -18,21 +18,23 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from busybot.boards.spec import PAPER
 from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError, needs_extra
 from busybot.common.process_pool import Progress
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
-from busybot.interact.policy.policy_factory import fingerprint
+from busybot.interact.policy.policy_factory import candidates_config, card_of, fingerprint
 from busybot.plan.learning.bc import BcLearner
 from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import BcConfig, PpoConfig
-from busybot.plan.learning.explore import explored_boards
+from busybot.plan.learning.explore import BoardGraphConfig, explored_boards
 from busybot.plan.learning.network import PolicyInfo
+from busybot.plan.rollout import check_pictures
 from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
-from busybot.training.loop import fit, groups_apart
+from busybot.training.loop import LoopConfig, fit, groups_apart
 from busybot.training.model_cards import INFO_FILE, read_info
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
@@ -78,7 +80,8 @@ def train_policy(
     """
     if config.agent == "ppo" and find_spec("sb3_contrib") is None:
         raise needs_extra("sb3-contrib", "baselines")
-    datasets = [_of_training(Dataset.open(path)) for path in source.data]
+    datasets = [_of_training(Dataset.open(path), config.explore) for path in source.data]
+    candidates_config(card_of(source.model), config.explore.learned)  # before anything is written
     provenance: dict[str, Any] = {
         "data": [origin_of(dataset) for dataset in datasets],
         "model": fingerprint(source.model),
@@ -90,8 +93,7 @@ def train_policy(
     folder = source.explored or out / "boards"
     with told("exploring boards") as progress:
         found = explored_boards(folder, pairs, source.model, config.explore, workers, progress)
-    held = groups_apart({board.group for board in found}, config.loop.held_out, seed, "plan/held out")
-    boards, held_out = ([board for board in found if (board.group in held) == wanted] for wanted in (False, True))
+    boards, held_out = held_apart(found, config.loop, seed)
     learner = make_learner(config, boards, held_out, seed)
     figures = fit(learner, out, config.loop)
     _plot(out, config.agent)
@@ -111,6 +113,15 @@ def train_policy(
     return info, budget
 
 
+def held_apart(
+    found: Sequence[ExploredBoard], loop: LoopConfig, seed: int
+) -> tuple[list[ExploredBoard], list[ExploredBoard]]:
+    """Boards to train on, and boards of other appearance groups to judge by."""
+    held = groups_apart({board.group for board in found}, loop.held_out, seed, "plan/held out")
+    boards, held_out = ([board for board in found if (board.group in held) == wanted] for wanted in (False, True))
+    return boards[: loop.boards], held_out
+
+
 def make_learner(
     config: Config, boards: Sequence[ExploredBoard], held_out: Sequence[ExploredBoard], seed: int
 ) -> "BcLearner | PpoLearner":
@@ -122,14 +133,22 @@ def make_learner(
     return PpoLearner(config, boards, held_out, seed)
 
 
-def _of_training(dataset: Dataset) -> Dataset:
-    """The dataset, if agents may be trained on it."""
+def _of_training(dataset: Dataset, explore: BoardGraphConfig) -> Dataset:
+    """The dataset, if agents may be trained on it, and its boards can be explored."""
     hint = "busybot generate OUT --split train --tasks one-to-one"
     if dataset.info.split != "train":
         what = f"{dataset.path}: boards of split {dataset.info.split}, agents are trained on training boards only"
         raise BusybotError(what, hint)
-    if any(board.task is None for board in dataset.boards()):
-        raise BusybotError(f"{dataset.path}: its boards have no tasks", hint)
+    for board in dataset.boards():
+        if board.world != PAPER:
+            what = f"{dataset.path}: board {board.index} is of the world {board.world!r}, which cannot be explored"
+            raise BusybotError(f"{what}: what it shows does not follow from its links alone", hint)
+        if board.task is None:
+            raise BusybotError(f"{dataset.path}: its boards have no tasks", hint)
+    if dataset.info.collect and dataset.info.collect.look().get("camera"):
+        what = f"{dataset.path}: recorded with the real camera, boards are explored with the clean one"
+        raise BusybotError(what, "record the histories without --camera real")
+    check_pictures(dataset, explore.render, "explore.render")
     return dataset
 
 

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import sapien
 
-from busybot.boards.dynamics import Dynamics, DynamicState, Links
-from busybot.boards.spec import BoardSpec, PlacedObject, Relation
+from busybot.boards.dynamics import Dynamics, DynamicState
+from busybot.boards.spec import BoardSpec, PlacedObject
+from busybot.boards.worlds import links_of
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Camera, Image, Link
 from busybot.objects.library import Library
@@ -111,6 +112,7 @@ class BoardScene:
         self._render = simulator.render
         self._seen = simulator.render and simulator.render.of_board(spec)
         self.models = [simulator.library.get(placed.key) for placed in spec.objects]
+        self.dynamics = Dynamics(spec, links_of(self.models))
         self.scene = simulator.new_scene(spec, self.models)
         stages = _stages(spec)
         self.triggers: list[TriggerJoint] = []
@@ -134,8 +136,6 @@ class BoardScene:
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())
         self.trigger_numbers = {(joint.object, joint.link.name): number for number, joint in enumerate(self.triggers)}
-        sizes = tuple(joint.link.states for joint in self.triggers)
-        self.dynamics = Dynamics(spec, Links(tuple(self.trigger_numbers), sizes))
         self._driven = [self._responders_of(number) for number in range(len(self.triggers))]
         self._state = self.dynamics.start(self.trigger_states())
         self._effects = simulator.responders
@@ -245,13 +245,6 @@ class BoardScene:
         """Put the board into a state in which everything has been through a step, as in a recorded picture."""
         self.restore(state)
         self.scene.step()
-
-    def relation_of(self, number: int) -> Relation | None:
-        """The first of the relations that a trigger joint has a part in, if effects show. Ground truth."""
-        joint = self.triggers[number]
-        named = (joint.object, joint.link.name)
-        relations = self.spec.relations if self._effects else ()
-        return next((one for one in relations if any((ref.object, ref.link) == named for ref in one.triggers)), None)
 
     def _responders_of(self, number: int) -> tuple[int, ...]:
         """Objects of the relations that a trigger joint has a part in."""

@@ -150,6 +150,8 @@ def _add_sides(
     scene.add_entity(entity)
 
 
+SIGHT = 4
+"""A board's own camera sees so many times as far as its target."""
 Coordinate = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]
 
 
@@ -194,14 +196,14 @@ class RenderConfig(FrozenModel):
 
     def of_board(self, spec: BoardSpec) -> "RenderConfig":
         """How this board is looked at: by its own camera if it has one, else with the pose and the field of view that
-        were drawn for it. A board's own camera may stand farther away: it sees four times as far as its target.
+        were drawn for it. A board's own camera may stand farther away: it sees `SIGHT` times as far as its target.
 
         Raises:
             BusybotError: a drawn camera, or the board's own, does not see the board.
         """
         if spec.camera is not None:
             own = spec.camera.model_dump()
-            far = max(self.far, 4 * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
+            far = max(self.far, SIGHT * float(np.linalg.norm(np.subtract(own["target"], own["position"]))))
             try:
                 there = self.model_validate({**self.model_dump(), **own, "far": far})
             except ValidationError as error:

@@ -15,7 +15,12 @@ from busybot.interact.affordance.networks import KINDS, make_network
 from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.exploration import GuidedExplorer, UnguidedExplorer
 from busybot.interact.policy.learned import LearnedPolicy, mode_named
-from busybot.interact.policy.policy_factory import ExplorePolicyFactory, LearnedPolicyFactory, policy_config
+from busybot.interact.policy.policy_factory import (
+    ExplorePolicyFactory,
+    LearnedPolicyFactory,
+    candidates_config,
+    policy_config,
+)
 from tests.episodes.synthetic import make_camera, make_episode
 
 
@@ -59,6 +64,14 @@ def test_constants_that_a_mode_does_not_read_are_refused(model: Path) -> None:
         assert read.items() <= kept.items()
         with pytest.raises(BusybotError, match=f"learned.{next(iter(unread))} changes nothing in mode {mode}"):
             LearnedPolicyFactory(str(model), mode_named(mode), unread).provenance()
+
+
+def test_of_candidates_nobody_changes_how_the_policy_would_choose() -> None:
+    info = AffordanceInfo(thresholds={"explore": 0.6})  # what a card says of it is left alone
+    assert candidates_config(info, {"caution": 0.5, "most": 7}) == policy_config(info, {"caution": 0.5, "most": 7})
+    for name in ("explore", "insist", "collect", "persist", "untried_first", "ucb_c"):
+        with pytest.raises(BusybotError, match=f"learned.{name} changes nothing where agents choose"):
+            candidates_config(info, {name: 1})
 
 
 def test_provenance_knows_the_weights_and_not_the_place(model: Path, tmp_path: Path) -> None:

@@ -1,17 +1,24 @@
 """What a model thought before every action follows from the recording."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.datasets.info import IMPORTED
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
+from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.interact.affordance.fast import AffordanceView
 from busybot.interact.affordance.load import load_model
+from busybot.interact.policy.board_memory import BoardMemory
+from busybot.interact.policy.config import PolicyConfig
+from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-from busybot.interact.policy.policy_trace import retrace
+from busybot.interact.policy.policy_trace import remember, retrace
 from busybot.objects.resolve import find
 from busybot.sim.builtin_policies import ScriptedFactory
 from busybot.sim.interaction import InteractionConfig
@@ -19,6 +26,7 @@ from busybot.sim.policy import Action, Policy
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
+from tests.episodes.synthetic import make_episode
 from tests.interact.scenes import ButtonModel
 
 
@@ -34,6 +42,41 @@ def test_links_are_known_once_they_moved() -> None:
     assert thoughts[5].links.max() == len(moved)
     for thought in thoughts:
         assert thought.affordance.shape == (480, 640) and 0 <= thought.affordance.min() <= thought.affordance.max() <= 1
+
+
+@pytest.mark.parametrize("reward", [0, 1])
+def test_where_nobody_says_where_it_acted_nothing_is_learned(reward: int) -> None:
+    episode = make_episode()
+    nowhere = replace(episode.steps[0], pixel=UNKNOWN_PIXEL, reward=reward)
+    thoughts = list(retrace(replace(episode, steps=[nowhere] * len(episode.steps)), ButtonModel()))
+    assert thoughts and not any(thought.known or thought.links.any() for thought in thoughts)
+    for thought in thoughts[1:]:
+        first = thoughts[0].candidates
+        assert thought.candidates.beliefs.tolist() == pytest.approx(first.beliefs.tolist())
+
+
+def test_an_imported_recording_does_not_say_that_actions_failed() -> None:
+    episode = make_episode()
+    (failed,) = [step for step in episode.steps if not step.reward][:1]
+    again = replace(episode, steps=[failed] * len(episode.steps))
+    last, imported = (
+        list(retrace(one, ButtonModel()))[-1].candidates.beliefs.tolist()
+        for one in (again, replace(again, settings={IMPORTED: {}}))
+    )
+    first = next(iter(retrace(again, ButtonModel()))).candidates.beliefs.tolist()
+    assert imported == pytest.approx(first) and last != pytest.approx(first)
+
+
+def test_where_nobody_says_what_was_executed_it_is_what_was_proposed() -> None:
+    episode = make_episode()
+    moved = next(step for step in episode.steps if step.reward)
+    memories = []
+    for executed in ((), (moved.direction,)):
+        memory = BoardMemory(Rays(episode.camera).heights(episode.observation(0).depth), PolicyConfig())
+        step = replace(moved, executed=executed)
+        remember(memory, step, episode.observation(0), episode.observation(1), lambda: np.zeros(9))
+        memories.append(memory.pairs)
+    assert memories[0] == memories[1] == {1: PAIR_OF[moved.direction]}
 
 
 @pytest.mark.long

@@ -10,7 +10,12 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.schema import UNKNOWN_PIXEL
+from busybot.interact.training.config import RecordConfig
+from busybot.interact.training.round_recorder import finished
 from busybot.interact.training.sample_cache import SIDE, SQUARES, cache_samples, open_samples
+from busybot.sim.interaction import InteractionConfig
+from busybot.sim.scene.render import RenderConfig
 from tests.episodes.folders import make_dataset
 from tests.interact.trainings import permute_privileged
 
@@ -53,6 +58,36 @@ def test_failed_directions_of_a_rewarded_action_are_negative_labels(tmp_path: Pa
     labels, known = samples.direction_labels(np.array([number]))
     assert known[0, list(tried)].all() and not labels[0, list(tried)].any()
     assert labels[0, worked] and known.sum() == len(tried) + 1
+
+
+def test_actions_of_which_nobody_says_where_are_not_learned_from(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys", boards=1, finished=[0])
+    episode = read_episode(dataset.episode_path(0))
+    episode.steps[1] = replace(episode.steps[1], pixel=UNKNOWN_PIXEL)
+    write_episode(dataset.episode_path(0), episode)
+    with pytest.raises(BusybotError, match="nobody says at which pixel it acted"):
+        cache_samples(dataset, tmp_path, "depth")
+
+
+def test_rounds_of_another_camera_are_refused(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys", boards=1, finished=[0])
+    clean, noisy = RenderConfig(), RenderConfig.model_validate({"camera": {"noise": 0.01, "blur": 0.8}})
+    for recorded, asked, hint in (
+        (noisy, clean, '--set \'render.camera={"blur": 0.8, "noise": 0.01}\''),
+        (clean, noisy, "--set 'render.camera={}'"),
+    ):
+        render = dict(recorded.model_dump(mode="json"))
+        if "camera" in render:
+            render["camera"] = dict(sorted(render["camera"].items()))  # as it comes back from a file
+        collect = dataset.info.collect
+        assert collect is not None
+        told = dataset.info.model_copy(update={"collect": collect.model_copy(update={"settings": {"render": render}})})
+        dataset.info = told
+        config = RecordConfig(interaction=InteractionConfig(delta=collect.delta), render=recorded)
+        assert finished(dataset, config) is dataset
+        with pytest.raises(BusybotError, match="recorded with render.camera") as refused:
+            finished(dataset, config.model_copy(update={"render": asked}))
+        assert hint in str(refused.value)
 
 
 def test_squares_show_the_picture_before_the_step(tmp_path: Path) -> None:

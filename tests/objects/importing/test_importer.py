@@ -103,6 +103,17 @@ def test_splits(raw: Path, tmp_path: Path) -> None:
     assert json.loads((out / "data.json").read_text())["Interact"] == {"kept": True}
 
 
+def test_an_object_of_scenes_stays_one_unless_another_split_is_asked_for(raw: Path, tmp_path: Path) -> None:
+    out = tmp_path / "library"
+    put(out, raw / "1")
+    write_json(out / "data.json", {"Reason": {"Switch": {"other": ["1"]}}})
+    assert [outcome.split for outcome in put(out, raw / "1")] == ["other"]
+    assert Library.load(out).splits["other"] == {"Switch/1": 1}
+    put(out, raw / "1", split="train")
+    library = Library.load(out)
+    assert library.splits["train"] == {"Switch/1": 1} and not library.splits.get("other")
+
+
 def test_another_object_of_the_same_name_is_replaced_only_when_asked(raw: Path, tmp_path: Path) -> None:
     out = tmp_path / "library"
     put(out, raw / "1")

@@ -8,7 +8,7 @@ import pytest
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices, read_overrides, write_review
 from busybot.objects.importing.importer import import_objects
-from tests.objects.raw_objects import DRAWER, LEAF, LEVER, ROCKER, make_raw
+from tests.objects.raw_objects import DRAWER, LEAF, LEVER, ROCKER, Link, make_raw
 
 
 def test_a_proposal_read_again_decides_the_same(tmp_path: Path) -> None:
@@ -92,3 +92,29 @@ def test_names_that_the_object_lacks_are_refused(tmp_path: Path, entry: str, tol
     (done,) = import_objects([folder], None, read_overrides(file))
     assert done.done == "refused" and told in (done.problem or ""), done.problem
     assert done.hint and ("link_0" in done.hint or "joint_0" in done.hint)
+
+
+@pytest.mark.parametrize(
+    ("category", "link", "entry", "told"),
+    [
+        ("Door", LEAF, "links: {link_0: two-state}", "a Door, which has no links"),
+        (
+            "Switch",
+            ROCKER,
+            "effect: {type: joint, joints: [joint_0], states: [[0],[1]]}",
+            "a Switch, which has no effect",
+        ),
+    ],
+)
+def test_decisions_about_the_other_role_are_not_left_aside(
+    tmp_path: Path, category: str, link: Link, entry: str, told: str
+) -> None:
+    folder = make_raw(tmp_path / "1", category, link)
+    file = tmp_path / "review.yaml"
+    file.write_text(f"objects:\n  '1':\n    {entry}\n")
+    (done,) = import_objects([folder], None, read_overrides(file))
+    assert done.done == "refused" and told in (done.problem or "") and "category" in (done.hint or "")
+    other = "Switch" if category == "Door" else "Door"
+    file.write_text(f"objects:\n  '1':\n    category: {other}\n    {entry}\n")
+    (done,) = import_objects([folder], None, read_overrides(file))
+    assert done.done == "proposed" and done.key == f"{other}/1", done.problem

@@ -3,6 +3,7 @@
 A texture is a grey-scale relief in 0..1 that the board's colour tints; nothing is read from files.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import cv2
@@ -74,7 +75,7 @@ def contact_shadow(spec: BoardSpec, models: list[ObjectModel]) -> np.ndarray:
     cover = np.zeros((SIDE, SIDE), np.uint8)
     scale = SIDE / np.array(spec.size)
     for placed, model in zip(spec.objects, models, strict=True):
-        low, high = footprint(model, placed.yaw, margin=0.0)
+        low, high = footprint(replace(model, scale=placed.scale), placed.yaw, margin=0.0)
         corner = (np.array(placed.position[:2]) + low + np.array(spec.size) / 2) * scale
         extent = (high - low) * scale
         if model.category == "Lamp":

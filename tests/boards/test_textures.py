@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from busybot.boards.textures import COLORS, TEXTURES, painted, texture
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BoardSpec, PlacedObject
+from busybot.boards.textures import COLORS, TEXTURES, contact_shadow, painted, texture
+from busybot.objects.resolve import find
 
 
 def test_five_textures_and_eight_colours() -> None:
@@ -24,3 +28,18 @@ def test_paint_follows_the_colour() -> None:
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(ValueError, match="wood"):
         texture("marble")
+
+
+def test_the_shadow_is_as_large_as_the_object_on_the_board() -> None:
+    library = find("procedural")
+    (board,) = generate_boards(BoardConfig(boards=1, seed=2), library)
+    only, model = board.objects[0], library.get(board.objects[0].key)
+    dark = [
+        (contact_shadow(replaced(board, only, scale), [model]) < 0.75).sum() for scale in (only.scale, 2 * only.scale)
+    ]
+    assert 3 < dark[1] / dark[0] < 5  # twice as long and wide
+
+
+def replaced(board: BoardSpec, placed: PlacedObject, scale: float) -> BoardSpec:
+    alone = placed.model_copy(update={"position": (0.0, 0.0, 0.0), "scale": scale})
+    return board.model_copy(update={"objects": (alone,)})

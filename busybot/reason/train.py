@@ -8,9 +8,9 @@ metrics.csv, metrics.json   losses, and figures on boards of appearance groups t
 training.png                the same as a picture
 checkpoints/, metrics/      to go on from where a killed training stopped
 
-Relations, states and what the gripper truly held are never read (`observed`), but by the model `mechanism`: unless it
-is trained from pictures alone, its labels are the true parents of the boards that it is trained on, and which way round
-their links are.
+Relations, states and what the gripper truly held are never read (`inputs.observation`), but by the model `mechanism`:
+unless it is trained from pictures alone, its labels are the true parents of the boards that it is trained on, and which
+way round their links are.
 """
 
 from collections.abc import Callable

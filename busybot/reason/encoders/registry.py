@@ -81,7 +81,8 @@ class FeatureExtractor:
             BusybotError: the encoder is an oracle: it needs the episode (`of_episode`).
         """
         if self.oracle:
-            raise BusybotError(f"{self.name} needs the segmentation, which is not among what a reasoner may read")
+            what = f"{self.name} needs the segmentation, which is not among what a reasoner may read"
+            raise BusybotError(what, "choose an encoder without `-mask`, or a model that was trained with one")
         observed = steadied(observed)
         if self.pixels == "centre":
             numbers, frames = np.unique(observed.image_of, return_inverse=True)

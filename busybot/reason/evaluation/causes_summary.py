@@ -90,7 +90,7 @@ def summarise_causes(
     followed = [one for one in causes if one.bound is not None]
     mechanisms = [one for each in causes for one in each.mechanisms if one.driven]
     everyone = [one for each in causes for one in each.mechanisms]
-    accuracy = _mean([one.right for one in mechanisms])
+    accuracy = m.mean([one.right for one in mechanisms])
     told = [one.told for one in causes if one.told is not None]
     pairs = np.concatenate([np.zeros((0, 2), bool), *told])
     rows = [_row(board, one, steps) for board, one in judged]
@@ -100,8 +100,8 @@ def summarise_causes(
         },
         "parent_f1_bound": m.micro([_counts(one, steps, bound=True) for one in followed], PARENTS)["f1"],
         **_links(causes, steps),
-        "shd": _mean([_distance(one, steps) for one in causes]),
-        "shd_bound": _mean(
+        "shd": m.mean([_distance(one, steps) for one in causes]),
+        "shd_bound": m.mean(
             [
                 hamming(one.bound[_at(one, steps)], one.true[_at(one, steps)])
                 for one in followed
@@ -109,20 +109,20 @@ def summarise_causes(
             ]
         ),
         "mechanism_accuracy": accuracy,
-        "mechanism_bound": _mean([one.bound for one in mechanisms]),
-        "mechanism_accuracy_met": _mean([one.right for one in mechanisms if one.met]),
-        "mechanism_bound_met": _mean([one.bound for one in mechanisms if one.met]),
-        "mechanisms_met": _mean([one.met for one in mechanisms]),
+        "mechanism_bound": m.mean([one.bound for one in mechanisms]),
+        "mechanism_accuracy_met": m.mean([one.right for one in mechanisms if one.met]),
+        "mechanism_bound_met": m.mean([one.bound for one in mechanisms if one.met]),
+        "mechanisms_met": m.mean([one.met for one in mechanisms]),
         "mechanism_missed_because": _missed(causes, steps),
         "mechanism_by_kind": _by_kind(everyone),
-        "kind_accuracy": _mean([one.kind_right for one in everyone]),
-        "kind_bound": _mean([one.kind_bound for one in everyone]),
-        "lag_accuracy": _mean([one.lag_right for one in everyone]),
-        "lag_bound": _mean([one.lag_bound for one in everyone]),
+        "kind_accuracy": m.mean([one.kind_right for one in everyone]),
+        "kind_bound": m.mean([one.kind_bound for one in everyone]),
+        "lag_accuracy": m.mean([one.lag_right for one in everyone]),
+        "lag_bound": m.mean([one.lag_bound for one in everyone]),
         "gap": None if pred_a is None or accuracy is None else pred_a - accuracy,
-        "what_if": _mean(np.asarray(pairs.all(axis=1))),
-        "what_if_factual": _mean(pairs[:, 0]),
-        "what_if_left_out": _mean(pairs[:, 1]),
+        "what_if": m.mean(np.asarray(pairs.all(axis=1))),
+        "what_if_factual": m.mean(pairs[:, 0]),
+        "what_if_left_out": m.mean(pairs[:, 1]),
         "what_if_pairs": len(pairs) if told else None,
         **_uncertain(causes, steps),
         "uncertain_by_images": [{"images": number, **_uncertain(causes, number - 1, True)} for number in CALIBRATED],
@@ -201,7 +201,7 @@ def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]
     found = {}
     for kind in sorted({one.kind for one in mechanisms}):
         own = [one for one in mechanisms if one.kind == kind]
-        shares = {"accuracy": _mean([one.right for one in own]), "bound": _mean([one.bound for one in own])}
+        shares = {"accuracy": m.mean([one.right for one in own]), "bound": m.mean([one.bound for one in own])}
         found[kind] = {**shares, "responders": len(own)}
     return found
 
@@ -299,11 +299,6 @@ def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:
         "parent_f1": m.micro([_counts(one, steps)], PARENTS)["f1"],
         "parent_f1_bound": None if one.bound is None else m.micro([_counts(one, steps, bound=True)], PARENTS)["f1"],
         "shd": _distance(one, steps),
-        "mechanism_accuracy": _mean(driven),
-        "what_if": None if one.told is None else _mean(np.asarray(one.told.all(axis=1))),
+        "mechanism_accuracy": m.mean(driven),
+        "what_if": None if one.told is None else m.mean(np.asarray(one.told.all(axis=1))),
     }
-
-
-def _mean(values: Sequence[float | None] | np.ndarray) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None

@@ -1,7 +1,7 @@
 """`busybot eval reason`: infer the graphs of a dataset's boards, predict what follows, compare both with the truth.
 
 The graph is inferred from the first 23 images, as in the paper; each later step is predicted from its true current
-features (protocol "Reasoning"). Models see what `observed` lets through; the truth is read here, after it.
+features (protocol "Reasoning"). Models see what `observation` lets through; the truth is read here, after it.
 """
 
 import sys
@@ -75,7 +75,7 @@ class ReasonEvaluation:
     """How boards are judged; plain data for worker processes.
 
     Attributes:
-        model: of `infer`, by name or folder.
+        model: of `registry`, by name or folder.
         images: observed ones.
         config: parameters of the model; None for its defaults.
         decoders: by category, for the second judge; None to do without it.
@@ -153,8 +153,9 @@ class _Recording:
         graph, longer, early = told.graph, told.longer, told.early
         spurious, forecast, causes = None, None, None
         if proposed is not None:
-            numbers = range(min(len(episode.steps), ACTIONS) + 1)
-            spurious = np.array([proposed.spurious(early.get(number, longer), number) for number in numbers])
+            if episode.board.relations_known:
+                numbers = range(min(len(episode.steps), ACTIONS) + 1)
+                spurious = np.array([proposed.spurious(early.get(number, longer), number) for number in numbers])
             graph, longer = proposed.true_part(graph), proposed.true_part(longer)
             early = {actions: proposed.true_part(one) for actions, one in early.items()}
         read = self.read(judging, told.sequence)

@@ -74,7 +74,7 @@ class GivenGraphs:
         """The graph of a board.
 
         Raises:
-            BusybotError: there is none, or a node is no object of the board.
+            BusybotError: there is none, an edge names what is no object of the board, or two nodes have one id.
         """
         index, count = episode.board.index, len(episode.board.objects)
         if index not in self.graphs:
@@ -83,6 +83,10 @@ class GivenGraphs:
         objects: dict[int | str, int | None] = {number: number for number in range(count)}
         if told.nodes:
             objects = {node.id: _object(node, episode) for node in told.nodes}
+            if len(objects) < len(told.nodes):
+                ids = [node.id for node in told.nodes]
+                twice = next(name for name in ids if ids.count(name) > 1)
+                raise BusybotError(f"{self.path}: board {index}: two nodes with id {twice!r}", "give each node its own")
         probabilities, lags = np.zeros((1, count, count)), np.full(count, -1)
         kinds = [""] * count
         for edge in told.edges:
@@ -92,22 +96,29 @@ class GivenGraphs:
                     raise BusybotError(what, f"its box must overlap one, or its id be from 0 to {count - 1}; {HINT}")
             cause, effect = objects[edge.cause], objects[edge.effect]
             assert cause is not None and effect is not None
-            probabilities[0, cause, effect] = edge.probability
-            kinds[effect], lags[effect] = edge.mechanism or kinds[effect], edge.lag if edge.lag is not None else -1
+            probabilities[0, cause, effect] = max(probabilities[0, cause, effect], edge.probability)
+            kinds[effect] = edge.mechanism or kinds[effect]
+            if edge.lag is not None:  # the earliest of an object's inputs counts
+                lags[effect] = edge.lag if lags[effect] < 0 else min(lags[effect], edge.lag)
         known = {"kinds": tuple(kinds) if any(kinds) else None, "lags": lags if (lags >= 0).any() else None}
         return InferredGraph(told.model, probabilities, told.threshold, **known)  # type: ignore[arg-type]
 
 
 def _object(node: Node, episode: Episode) -> int | None:
-    boxes = episode.images[episode.frame_of[0]].boxes.astype(float)
+    boxes = episode.images[episode.frame_of[0]].boxes
     if node.box is None:
         return node.id if isinstance(node.id, int) and 0 <= node.id < len(boxes) else None
-    corners = np.array(node.box)
-    shared = np.minimum(boxes[:, 2:], corners[2:]) - np.maximum(boxes[:, :2], corners[:2])
-    inside = np.where((shared > 0).all(1), shared.prod(1), 0)
-    both = (boxes[:, 2:] - boxes[:, :2]).prod(1) + (corners[2:] - corners[:2]).prod() - inside
-    overlap = np.divide(inside, both, out=np.zeros(len(boxes)), where=both > 0)
-    return int(overlap.argmax()) if len(overlap) and overlap.max() >= OVERLAP else None
+    shared = overlaps(np.array([node.box]), boxes)[0]
+    return int(shared.argmax()) if shared.max(initial=0) >= OVERLAP else None
+
+
+def overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Intersection over union of boxes (P, 4) and (N, 4), float (P, N)."""
+    one, other = boxes[:, None].astype(float), others[None].astype(float)
+    sides = np.minimum(one[..., 2:], other[..., 2:]) - np.maximum(one[..., :2], other[..., :2])
+    inside = np.where((sides > 0).all(-1), sides.prod(-1), 0)
+    both = (one[..., 2:] - one[..., :2]).prod(-1) + (other[..., 2:] - other[..., :2]).prod(-1) - inside
+    return np.divide(inside, both, out=np.zeros_like(inside), where=both > 0)
 
 
 def read_graphs(path: Path) -> GivenGraphs:

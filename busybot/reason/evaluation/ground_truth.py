@@ -157,17 +157,19 @@ class StateTruth:
 
 
 def states_of(episode: Episode) -> StateTruth | None:
-    """Read the states from the privileged part of the steps; None where a recording does not know them."""
+    """Read the states from the privileged part of the steps; None where a recording does not know all of them."""
     objects, steps = len(episode.board.objects), episode.steps
     told = [step.responder_states_before for step in steps[:1]] + [step.responder_states_after for step in steps]
     if not told or any(len(states) != objects for states in told):
         return None
+    roles, states = [placed.role for placed in episode.board.objects], np.array(told, int)
+    if (states[:, [role == "responder" for role in roles]] < 0).any():
+        return None
     place = {(link.object, link.name): index for index, link in enumerate(episode.links)}
     kind_of = {(t.object, t.link): relation.kind for relation in episode.board.relations for t in relation.triggers}
     held = [(step.acted_object, step.acted_link) for step in steps]
-    roles = [placed.role for placed in episode.board.objects]
     return StateTruth(
-        states=np.array(told, int),
+        states=states,
         links=np.array([place.get(link, -1) if link in kind_of else -1 for link in held], int),
         held=np.array([index if index >= 0 and roles[index] == "trigger" else -1 for index, _ in held], int),
         success=np.array([step.success for step in steps], bool),

@@ -14,12 +14,11 @@ from itertools import chain
 
 import numpy as np
 
-from busybot.evaluation.statistics import Interval, interval_over_boards
+from busybot.evaluation.statistics import DRAWS, Interval, interval_over_boards
 
 BINS = 15
 UNCERTAIN = (0.05, 0.95)
 """Pairs with a probability between these are the ones about which a reasoner is not sure."""
-DRAWS = 1000
 
 Counts = Mapping[str, int]
 """Of one board."""
@@ -93,8 +92,13 @@ def micro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
 def macro(counts: Sequence[Counts], of: Shares) -> dict[str, float | None]:
     """Mean over the boards on which the value is defined."""
     scores = [micro([one], of) for one in counts]
-    defined = {name: [score for one in scores if (score := one[name]) is not None] for name in of}
-    return {name: float(np.mean(values)) if values else None for name, values in defined.items()}
+    return {name: mean([one[name] for one in scores]) for name in of}
+
+
+def mean(values: Sequence[float | None] | np.ndarray) -> float | None:
+    """Of those that are defined; None without any."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
 
 
 def intervals(counts: Sequence[Counts], of: Shares, rng: np.random.Generator) -> dict[str, Interval]:

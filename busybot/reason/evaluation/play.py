@@ -76,7 +76,7 @@ def play_boards(
     (pairs of objects) were not exactly the true ones; `actions_used` is a mean over boards.
 
     Args:
-        out: folder for the results, with which a stopped evaluation goes on.
+        out: folder for the results, with which a stopped evaluation of the same program goes on.
         command: that gives this result again.
 
     Raises:
@@ -89,8 +89,10 @@ def play_boards(
             what = f"{dataset.path}: nobody knows the relations of board {board.index}: nothing can be judged"
             raise BusybotError(what, "use boards that `busybot generate` made")
     hashes = dataset.hashes()
+    files = {word: sha256_of(Path(word)) for word in games.agent if Path(word).is_file()}
     settings = {
         "agent": shlex.join(games.agent),
+        "agent_files": files,
         "most_actions": games.actions,
         "timeout_s": games.timeout_s,
         "seed": games.seed,
@@ -101,7 +103,6 @@ def play_boards(
     seconds = STARTING_S + games.timeout_s * (games.actions + MOST_REFUSED + 1)
     work = BoardWork(PlayedBoard, make_work, (games,), workers, seconds)
     played = judge_boards([board.index for board in boards], work, settings, progress, out)
-    files = {word: sha256_of(Path(word)) for word in games.agent if Path(word).is_file()}
     hashed: dict[str, dict[str, Any]] = {"models": {shlex.join(games.agent): files}, "tasks": {info.name: hashes.board}}
     stamped = stamp("play", command=command, hashes=hashed)
     result = {**stamped, **settings, **summarised(boards, played, games.seed)}

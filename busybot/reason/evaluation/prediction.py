@@ -184,9 +184,10 @@ def explain(episode: Episode, reasoner: Reasoner, images: int = 23) -> Explanati
     """
     observed = observe_episode(episode)
     sequence = sequence_of(observed, make_extractor(reasoner.encoder).of_episode(episode))
-    features, judged, truth = sequence.features, judged_objects(observed), states_of(episode)
+    features, truth = sequence.features, states_of(episode)
     clusters = clusters_of(features, threshold_of(reasoner.encoder, features))
     states = clusters if truth is None else truth.states
+    judged = judged_objects(observed) & (states >= 0).all(axis=0)  # smaller boxes may cover a whole one
     judge = NearestState(features, clusters, states, judged)
     expected = np.full((sequence.steps, len(judged)), -1)
     for step in range(sequence.steps):

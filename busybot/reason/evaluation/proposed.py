@@ -19,7 +19,8 @@ import numpy as np
 from busybot.common.errors import UsageError
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.decoders import NearestState
-from busybot.reason.evaluation.graph_files import OVERLAP
+from busybot.reason.evaluation.graph_files import OVERLAP, overlaps
+from busybot.reason.evaluation.metrics import mean
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.inputs.sequence import CHANNELS, BoardSequence, sequence_of
 from busybot.reason.inputs.steady import steadied
@@ -184,15 +185,6 @@ def propose_objects(observed: ObservedEpisode, images: int) -> Proposed:
     return Proposed(given, place, len(observed.roles), judged)
 
 
-def overlaps(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Intersection over union of boxes (P, 4) and (N, 4), float (P, N)."""
-    one, other = boxes[:, None].astype(float), others[None].astype(float)
-    sides = np.minimum(one[..., 2:], other[..., 2:]) - np.maximum(one[..., :2], other[..., :2])
-    inside = np.where((sides > 0).all(-1), sides.prod(-1), 0)
-    both = (one[..., 2:] - one[..., :2]).prod(-1) + (other[..., 2:] - other[..., :2]).prod(-1) - inside
-    return np.divide(inside, both, out=np.zeros_like(inside), where=both > 0)
-
-
 def matched(shared: np.ndarray) -> np.ndarray:
     """The column of each row, one to one, so that most is shared, int (P,); -1 for less than `OVERLAP`."""
     from scipy.optimize import linear_sum_assignment  # slow to load
@@ -278,13 +270,9 @@ def summarise_proposals(judged: Sequence[JudgedProposals | None]) -> dict[str, A
     triggers, proposed = np.array(roles, str) == "trigger", sum(one.proposed for one in told)
     return {
         "boxes": PROPOSED if told else GIVEN,
-        "proposal_r": _share(found),
-        "proposal_r_triggers": _share(found[triggers]),
-        "proposal_r_responders": _share(found[~triggers]),
+        "proposal_r": mean(found),
+        "proposal_r_triggers": mean(found[triggers]),
+        "proposal_r_responders": mean(found[~triggers]),
         "proposal_p": float(found.sum() / proposed) if proposed else None,
-        "proposal_r_boxes": _share(boxed),
+        "proposal_r_boxes": mean(boxed),
     }
-
-
-def _share(found: np.ndarray) -> float | None:
-    return float(found.mean()) if len(found) else None

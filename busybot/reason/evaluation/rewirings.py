@@ -15,6 +15,7 @@ import numpy as np
 
 from busybot.boards.dynamics import Dynamics, DynamicState
 from busybot.boards.spec import BoardSpec
+from busybot.reason.evaluation.metrics import mean
 
 WITHIN = 5
 """A rewiring counts as found if it is believed in so many actions after it showed."""
@@ -170,14 +171,10 @@ def summarise_rewirings(judged: Sequence[JudgedRewirings]) -> dict[str, float | 
         hits = [hit for _, changes in known for hit in changes.found]
         off = [far for _, changes in known for hit, far in zip(changes.found, changes.off, strict=True) if hit]
         found |= {
-            f"rewired_found{end}": _mean(hits),
-            f"rewired_placed{end}": _mean([hit for _, changes in known for hit in changes.placed]),
-            f"rewired_off{end}": _mean([far for far in off if far is not None]),
-            f"rewired_false_alarms{end}": _mean([changes.alarms for _, changes in known]),
-            f"rewired_false_alarms_calm{end}": _mean([changes.alarms for calm, changes in known if calm]),
+            f"rewired_found{end}": mean(hits),
+            f"rewired_placed{end}": mean([hit for _, changes in known for hit in changes.placed]),
+            f"rewired_off{end}": mean([far for far in off if far is not None]),
+            f"rewired_false_alarms{end}": mean([changes.alarms for _, changes in known]),
+            f"rewired_false_alarms_calm{end}": mean([changes.alarms for calm, changes in known if calm]),
         }
     return found
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None

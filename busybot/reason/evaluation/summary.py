@@ -143,7 +143,8 @@ class JudgedGraph:
         forecast: the predicted steps; None where the recording does not know states or ends with the observed images.
         causes: what is judged in every world (`causes`); None if nobody judged it.
         proposals: how good the objects are that the reasoner was given; None where they are the true ones.
-        spurious: int, after each number of steps, edges that are claimed of objects that are not there.
+        spurious: int, after each number of steps, edges that are claimed of objects that are not there; None where all
+            objects were given, or nobody knows the relations.
     """
 
     board: BoardSpec

@@ -218,13 +218,13 @@ class Belief:
     Attributes:
         actions: how many.
         weights: see `_Weights`.
-        history: a moment for the new board and after every action.
+        last: the moment after them.
     """
 
     space: Space
     actions: int
     weights: _Weights
-    history: Sequence[_Moment]
+    last: _Moment
 
     @cached_property
     def now(self) -> np.ndarray:
@@ -280,39 +280,29 @@ class Belief:
         of_step = np.array([self.weights.after[step].sum(0) for step in done])
         return of_step.sum(0), np.where(of_step.any(0), np.array(done)[of_step.argmax(0)], -1)
 
-    def predict(self, triggers: Sequence[int], action: int | None = None) -> np.ndarray:
-        """Probability of each responder's states after an action, also instead of one that was done ("what if").
-
-        Args:
-            triggers: states of the trigger links after it.
-            action: its number, from 0; None for the next one. All that was seen, also later, tells the mechanisms; luck
-                is what it may be, not what it was.
-
-        Returns:
-            float (R, STATES).
-        """
-        return np.asarray(sum((weights[..., None] * told).sum(0) for weights, told in self._told_by(triggers, action)))
+    def predict(self, triggers: Sequence[int]) -> np.ndarray:
+        """Probability of each responder's states, float (R, STATES), after a next action that leaves the trigger links
+        in these."""
+        return np.asarray(sum((weights[..., None] * told).sum(0) for weights, told in self._told_by(triggers)))
 
     def information(self, triggers: Sequence[int]) -> float:
         """What the next action is expected to tell about the mechanisms, if links rest so after it: nats, summed over
         responders. How probable luck is is not asked for."""
         joint = np.zeros((int(self.space.meanings.max()) + 1, self.space.responders, STATES))
-        for weights, told in self._told_by(triggers, None):
+        for weights, told in self._told_by(triggers):
             joint += self._by_meaning(weights[..., None] * told)
         return _entropy(joint.sum(0)) + _entropy(joint.sum(2)) - _entropy(joint)
 
-    def _told_by(self, triggers: Sequence[int], action: int | None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Weights (H, R) and predictions (H, R, STATES) of what may decide after the action."""
-        number = self.actions if action is None else action
-        moment = self.history[number]
-        inputs = np.concatenate([np.asarray(triggers, int), moment.shown])
-        old = sum((weights for step, weights in self.weights.before.items() if number < step), self.weights.kept)
-        yield old, moment.runs[-1].predict(inputs)
+    def _told_by(self, triggers: Sequence[int]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Weights (H, R) and predictions (H, R, STATES) of what may decide after the next action."""
+        inputs = np.concatenate([np.asarray(triggers, int), self.last.shown])
+        old = sum((weights for step, weights in self.weights.before.items() if self.actions < step), self.weights.kept)
+        yield old, self.last.runs[-1].predict(inputs)
         for step, weights in self.weights.after.items():
-            if step == number:
+            if step == self.actions:
                 yield weights, _Run.first(self.space, inputs)
-            elif step < number:
-                yield weights, moment.runs[step].predict(inputs)
+            elif step < self.actions:
+                yield weights, self.last.runs[step].predict(inputs)
 
     def _by_meaning(self, values: np.ndarray) -> np.ndarray:
         """Sums over hypotheses that respond alike."""
@@ -374,7 +364,7 @@ class Observer:
         Raises:
             BusybotError: nothing in the space explains what was seen.
         """
-        return Belief(self.space, len(self._history) - 1, self._weights(), self._history)
+        return Belief(self.space, len(self._history) - 1, self._weights(), self._history[-1])
 
     def _weights(self) -> _Weights:
         space, log = self.space, self._history[-1].runs[-1].log

@@ -57,10 +57,10 @@ def contacts_of(episode: Episode, actions: np.ndarray, acted: np.ndarray, sizes:
         if moved is not None:
             link, before, after = moved, step.trigger_states_before[moved], step.trigger_states_after[moved]
             exact[link, before, after] = (number, actions[number])
-            rising = after > before
+            rising, done = after > before, (step.direction, *step.executed)[-1]
             for low in range(sizes[link] - 1):
                 for move in ((link, low, low + 1), (link, low + 1, low)):
-                    worked = step.executed[-1] if (move[2] > move[1]) == rising else OPPOSITE[step.executed[-1]]
+                    worked = done if (move[2] > move[1]) == rising else OPPOSITE[done]
                     other = np.array([*actions[number][:3], *DIRECTIONS[worked]], np.float32)
                     found.setdefault(move, (number, other))
     found |= exact

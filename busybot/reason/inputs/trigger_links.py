@@ -23,7 +23,6 @@ import numpy as np
 from busybot.episodes.camera import project
 from busybot.episodes.episode import Camera
 from busybot.reason.inputs.link_tracking import lasts, tracked
-from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
 from busybot.reason.inputs.trigger_views import Move, View, calm_views, still_views
@@ -126,15 +125,15 @@ class LinkWatch:
         observed: T actions.
     """
 
-    def __init__(self, observed: ObservedEpisode, config: ChangeConfig | None = None):
-        self._observed, self._config = observed, config or ChangeConfig()
+    def __init__(self, observed: ObservedEpisode):
+        self._observed = observed
 
     def first(self, steps: int) -> ObservedLinks:
         """What pictures show in the first so many actions."""
         observed = self._observed.first(steps + 1)
         unsteady = len(pictures_of(observed)) > self._still
         acted = self._acted[:steps]
-        views = calm_views(steadied(observed), acted, self._config) if unsteady else self._views
+        views = calm_views(steadied(observed), acted) if unsteady else self._views
         return _links_of(observed, views, acted, unsteady)
 
     @cached_property
@@ -148,12 +147,7 @@ class LinkWatch:
     @cached_property
     def _views(self) -> dict[int, View]:
         """How a still camera shows a trigger in a frame does not depend on later ones."""
-        return still_views(self._observed, self._config)
-
-
-def observe_links(observed: ObservedEpisode, config: ChangeConfig | None = None) -> ObservedLinks:
-    """Watch the links of a recording."""
-    return LinkWatch(observed, config).first(len(observed.actions))
+        return still_views(self._observed)
 
 
 def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.ndarray, unsteady: bool) -> ObservedLinks:

@@ -81,15 +81,15 @@ class View:
         return Move(step, changed, np.where(changed[..., None], after - before, 0))
 
 
-def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, View]:
+def still_views(observed: ObservedEpisode) -> dict[int, View]:
     """The triggers that the first frame shows, by their index. No look depends on later ones.
 
     From the first picture on of which most of the depth differs from the last one's, depth tells nothing.
     """
-    pixels, frames = ObjectMasks(observed, config), np.array(observed.image_of)
+    pixels, frames = ObjectMasks(observed), np.array(observed.image_of)
     regions = {int(one): pixels.regions[one] for one in observed.triggers if one in pixels.regions}
     looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
-    deep, resting = observed.boxed.depth if config.depth else None, True
+    deep, resting = observed.boxed.depth, True
     for number in dict.fromkeys(observed.image_of):
         image = observed.images[number]
         if deep is not None and image.depth is not None and resting:
@@ -105,20 +105,20 @@ def still_views(observed: ObservedEpisode, config: ChangeConfig) -> dict[int, Vi
         before, after = (pixels.masks(trigger, number) for number in (one, other))
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
 
-    least = np.array([config.tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
+    least = np.array([ChangeConfig().tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
     return {
         one: View(looks[one], frames, least, partial(masks, one), corner=(region.rows.start, region.columns.start))
         for one, region in regions.items()
     }
 
 
-def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfig) -> dict[int, View]:
+def calm_views(observed: ObservedEpisode, acted: np.ndarray) -> dict[int, View]:
     """The same of a recording that was steadied.
 
     Args:
         acted: int (T,), the trigger that each action took hold of.
     """
-    pixels, frames = ObjectMasks(observed, config), [observed.frame(k) for k in range(len(observed.image_of))]
+    pixels, frames = ObjectMasks(observed), [observed.frame(k) for k in range(len(observed.image_of))]
     deep = all(frame.depth is not None for frame in frames)
     views = {}
     for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
@@ -127,11 +127,11 @@ def calm_views(observed: ObservedEpisode, acted: np.ndarray, config: ChangeConfi
         )
         looks = np.array([_look(frame, pixels.regions[trigger], deep) for frame in frames], np.float32)
         looks[hidden] = np.nan
-        views[trigger] = _calm(looks, own.mean(axis=0) > 0.5, acted == trigger, config)
+        views[trigger] = _calm(looks, own.mean(axis=0) > 0.5, acted == trigger)
     return views
 
 
-def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray, config: ChangeConfig) -> View:
+def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:
     """The median of what was seen of each pixel since the trigger was touched last, in units of what a pixel that did
     not change may differ by, from what it usually shows.
 
@@ -149,15 +149,15 @@ def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray, config: Chan
             last = np.where(np.isnan(look), last, look)
             calm[runs == run] = last
         several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-        least = _least(np.abs(looks - calm)[several if several.any() else slice(None)], config)
+        least = _least(np.abs(looks - calm)[several if several.any() else slice(None)])
     idle = (np.abs(np.diff(looks, axis=0))[~touched] > least).any(axis=-1)
     stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
     told = ((calm - usual) / least).clip(-MOST, MOST)
-    fewest = max(min(FEWEST, config.least), float(stirred))
+    fewest = max(FEWEST, float(stirred))
     return View(dict(enumerate(told)), np.arange(len(looks)), np.ones(1, np.float32), lambda *_: mine, fewest)
 
 
-def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
+def _least(away: np.ndarray) -> np.ndarray:
     """What a pixel that did not change may differ by, (h, w, C), from how far single pictures are off, (n, h, w, C).
 
     The noise of a pixel's colours is that of the worst of them.
@@ -165,7 +165,7 @@ def _least(away: np.ndarray, config: ChangeConfig) -> np.ndarray:
     colours, depth = away[..., :COLOURS], away[..., COLOURS:]
     worst = np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1)
     noise = ABOVE * np.nan_to_num(np.nanquantile(worst, USUAL, axis=0))
-    of_colours = np.maximum(noise[..., :1], min(LEAST, config.tolerance)).repeat(COLOURS, axis=-1)
+    of_colours = np.maximum(noise[..., :1], LEAST).repeat(COLOURS, axis=-1)
     return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEP)], axis=-1)
 
 

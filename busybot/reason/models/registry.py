@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import InferredGraph, Reasoner
@@ -54,9 +54,7 @@ def load_reasoner(name_or_path: str | Path) -> Reasoner:
     try:
         return _trained(info, tensors, folder / WEIGHTS_FILE)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(["config", *map(str, first["loc"])])
-        raise BusybotError(f"{folder / INFO_FILE}: {place}: {first['msg']}", "train the model again") from None
+        raise BusybotError(f"{folder / INFO_FILE}: config.{first_fault(error)}", "train the model again") from None
 
 
 def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Reasoner:

@@ -43,7 +43,7 @@ def test_the_oracle_needs_the_episode_and_says_what_it_is() -> None:
     oracle = make_extractor("embedded-mask")
     assert oracle.oracle and not make_extractor("embedded").oracle and not make_extractor("embedded-box").oracle
     assert oracle.of_episode(episode).any()
-    with pytest.raises(BusybotError, match="segmentation"):
+    with pytest.raises(BusybotError, match="segmentation.*\n  hint: "):
         oracle.of(observe_episode(episode))
 
 

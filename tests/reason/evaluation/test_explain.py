@@ -61,6 +61,15 @@ def test_where_states_are_unknown_looks_stand_in_for_them() -> None:
         assert foreseen.wrong(step).tolist() == truth.wrong(step).tolist()
 
 
+def test_of_an_object_whose_box_another_one_has_nothing_is_expected() -> None:
+    """No depth tells the lamp from the door, and nobody wrote down states: its own pixels are none."""
+    episode = make_episode(steps=6)
+    unknown = [replace(step, responder_states_before=(), responder_states_after=()) for step in episode.steps]
+    flat = [replace(image, depth=None, boxes=image.boxes[[0, 1, 1, 3, 4]]) for image in episode.images]
+    foreseen = explain(replace(episode, steps=unknown, images=flat), Persistence())
+    assert foreseen.judged.tolist() == [False, False, True, False, True]
+
+
 def test_where_nothing_shows_nothing_is_expected() -> None:
     foreseen = explain(make_real_episode(), Lookup())
     assert not foreseen.judged.any() and not any(len(foreseen.wrong(step)) for step in range(4))

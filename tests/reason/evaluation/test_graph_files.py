@@ -77,6 +77,16 @@ def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: 
     assert result["discovery"] == result["uncertain_by_images"] == [], "a file says nothing of earlier actions"
 
 
+def test_the_earliest_of_an_objects_lags_and_the_likeliest_of_equal_edges_count(tmp_path: Path) -> None:
+    late = [{"from": 0, "to": 1, "lag": 2, "probability": 0.9}, {"from": 3, "to": 1, "lag": 1}, {"from": 3, "to": 2}]
+    again = [{"from": 0, "to": 1, "probability": 0.1}]
+    for number, edges in enumerate((late + again, again + late[::-1])):
+        (tmp_path / f"{number}.json").write_text(json.dumps({"edges": edges}))
+        graph = read_graphs(tmp_path / f"{number}.json").of(make_episode(0))
+        assert graph.lags is not None and graph.lags.tolist() == [-1, 1, -1, -1, -1]
+        assert graph.after(1)[0, 1] == 0.9 and graph.claimed(1).sum() == 3
+
+
 WRONG = {
     "no edges": ("{}", "graph.json: edges: Field required"),
     "another board": ('{"board": 1, "edges": []}', "it has no graph of board 0"),
@@ -86,6 +96,7 @@ WRONG = {
         '{"nodes": [{"id": 0, "box": [0, 0, 2, 2]}], "edges": [{"from": 0, "to": 0}]}',
         "node 0 is no",
     ),
+    "two nodes of one name": ('{"nodes": [{"id": 1}, {"id": 0}, {"id": 1}], "edges": []}', "two nodes with id 1"),
     "two of a board": ('[{"edges": []}, {"edges": []}]', "a second graph of board 0"),
     "no JSON": ("graph", "not valid JSON"),
 }

@@ -20,7 +20,7 @@ from busybot.reason.evaluation.causes import (
     relations_at,
 )
 from busybot.reason.evaluation.causes_summary import KEYS, LEAST_PAIRS, hamming, summarise_causes
-from busybot.reason.evaluation.what_if import HORIZON, TOUR
+from busybot.reason.evaluation.what_if import HORIZON, TOUR, contacts_of
 from busybot.reason.models.base import Imagining, InferredGraph, InferredLinks, Reasoner, imagine
 from busybot.reason.models.lookup import Persistence
 from tests.reason.worlds import LINKS, Knower, judge_of, play, relation, sequence_of
@@ -267,6 +267,15 @@ def test_a_pair_asks_what_one_action_did() -> None:
     assert right is not None and right.tolist() == [[True, True]], "switch 0 does nothing"
     hasty = asked(episode, Knower(episode, [FOLLOWS]), images=8).told
     assert hasty is not None and hasty.tolist() == [[False, True]]
+
+
+def test_where_nobody_wrote_down_what_was_tried_the_chosen_direction_counts() -> None:
+    episode = play([AND, FOLLOWS], PRESSES)
+    known = sequence_of(episode), [replace(step, direction=step.executed[-1], executed=()) for step in episode.steps]
+    told = [contacts_of(one, known[0].actions, known[0].acted, LINKS.sizes) for one in
+            (episode, replace(episode, steps=known[1]))]  # fmt: skip
+    for move, action in told[0].actions.items():
+        np.testing.assert_array_equal(told[1].actions[move], action)
 
 
 def test_answers_chain_predictions_where_nothing_else_is_there() -> None:

@@ -78,6 +78,8 @@ def test_truth_of_states_by_hand() -> None:
     assert [episode.links[k].object if k >= 0 else -1 for k in truth.links] == held
     assert states_of(make_real_episode()) is None
     assert states_of(replace(episode, steps=[])) is None
+    lost = [replace(step, responder_states_after=(-1, -1, 0, -1, 0)) for step in episode.steps]
+    assert states_of(replace(episode, steps=lost)) is None, "nobody knows how the lamp stands"
 
 
 def test_persistence_is_right_where_nothing_changes() -> None:

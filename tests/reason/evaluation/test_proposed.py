@@ -15,12 +15,11 @@ from busybot.datasets.importing.proposals import Proposal
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation import evaluate
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
-from busybot.reason.evaluation.graph_files import GivenGraphs
+from busybot.reason.evaluation.graph_files import GivenGraphs, overlaps
 from busybot.reason.evaluation.proposed import (
     JudgedProposals,
     Proposed,
     matched,
-    overlaps,
     propose_objects,
     summarise_proposals,
 )
@@ -155,6 +154,18 @@ def test_phantoms_cost_where_they_were_believed_in(monkeypatch: pytest.MonkeyPat
     told = judge_episode(episode, ReasonEvaluation("persistence", IMAGES, boxes="proposed")).causes
     assert told is not None and told.spurious is not None
     assert np.flatnonzero(told.spurious[:, 0]).tolist() == [7] == np.flatnonzero(told.claimed.any((1, 2))).tolist()
+
+
+def test_phantoms_cost_nothing_where_nobody_knows_the_relations(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluate, "reasoner_of", lambda *_: AtSeven())
+    changing(monkeypatch, lambda found: [*found, moved(next(one for one in found if one.role == "trigger"))])
+    episode = read_episode(Dataset.open(TINY).episode_path(0))
+    told = {}
+    for known in (True, False):
+        board = episode.board.model_copy(update={"relations_known": known})
+        judging = ReasonEvaluation("persistence", 8, boxes="proposed")
+        told[known] = judge_episode(replace(episode, board=board), judging).counts(7)["claimed"]
+    assert told[True] > 0 == told[False]
 
 
 def test_places_and_numbers_lead_to_each_other() -> None:

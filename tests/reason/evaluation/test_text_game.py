@@ -261,6 +261,16 @@ def test_the_command(tiny: Path, tmp_path: Path, in_process: None) -> None:
     assert load_command(name).make_context(name, rest).params["boards"] == 2
 
 
+def test_another_program_does_not_go_on_where_one_stopped(tiny: Path, tmp_path: Path, in_process: None) -> None:
+    agent = tmp_path / "agent.py"
+    agent.write_text(AGENT.read_text())
+    words = ("play", tiny, "--agent", shlex.join([sys.executable, str(agent)]), "--workers", 1, "--boards", 1)
+    assert busybot(*words, "--out", tmp_path / "out").returncode == 0
+    agent.write_text("print('{\"know\": []}')")
+    other = busybot(*words, "--out", tmp_path / "out")
+    assert other.returncode == 1 and "agent_files differ" in other.stderr
+
+
 def test_a_program_that_says_nothing_at_all_is_an_error(tiny: Path) -> None:
     dies = shlex.join([sys.executable, "-c", "raise SystemExit(3)"])
     done = busybot("play", tiny, "--agent", dies, "--workers", 1, "--boards", 2)

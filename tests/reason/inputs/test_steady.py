@@ -11,8 +11,7 @@ from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
 from busybot.reason.inputs.steady import Steady, steadied
-from busybot.reason.inputs.trigger_links import observe_links
-from tests.reason.inputs.test_trigger_links import MOVES, played, pressed
+from tests.reason.inputs.test_trigger_links import MOVES, observe_links, played, pressed
 from tests.reason.scenes import BOARD_DEPTH, Patch, Scene
 
 LAMP = (60, 40, 90, 70)

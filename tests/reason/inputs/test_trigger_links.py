@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from busybot.reason.inputs.object_masks import ChangeConfig
 from busybot.reason.inputs.observation import ObservedEpisode
-from busybot.reason.inputs.trigger_links import LinkWatch, _Link, _together, _tries, _whole, observe_links
+from busybot.reason.inputs.trigger_links import LinkWatch, ObservedLinks, _Link, _together, _tries, _whole
 from busybot.reason.inputs.trigger_views import Move, still_views
 from tests.reason.scenes import Patch, Scene
 
@@ -43,6 +42,10 @@ def played(
         replace(one, position=contacts[move.strip("-")]) for one, move in zip(observed.actions, moves, strict=True)
     )
     return replace(observed, actions=actions), np.array(states)
+
+
+def observe_links(observed: ObservedEpisode) -> ObservedLinks:
+    return LinkWatch(observed).first(len(observed.actions))
 
 
 MOVES = ["two", "three", "two", "three", "-two", "three", "three", "two", "-three", "three", "two", "two", "three"]
@@ -122,13 +125,14 @@ def test_a_button_that_colours_do_not_show_is_seen_by_depth() -> None:
     found = observe_links(pressed())
     assert found.clusters.tolist() == [0, 1] * 3 and found.sizes == (2, 2)
     assert found.states.T.tolist() == [[0, 1, 1, 0, 0, 1, 1], [0, 0, 1, 1, 0, 0, 1]]
-    assert not observe_links(pressed(), ChangeConfig(depth=False)).owners.size, "but not if depth is not read"
+    images = [replace(image, depth=None) for image in pressed().images]
+    assert not observe_links(replace(pressed(), images=images)).owners.size, "but not without depth"
 
 
 def test_neither_lost_nor_noisy_depth_moves_anything() -> None:
     lost = observe_links(pressed(lost=True))
     assert lost.states[:, lost.clusters[0]].tolist() == [0, 1, 1, 0, 0, 0, 1], "seen when it is there again"
-    views = still_views(pressed(np.random.default_rng(0)), ChangeConfig())
+    views = still_views(pressed(np.random.default_rng(0)))
     assert not views[0].moves(np.arange(6)), "colours alone are looked at where depth does not rest"
 
 

@@ -159,6 +159,8 @@ class EventLearner(Learner):
         for batch in batches_of(self.held_out, in_turn(len(self.held_out), JUDGED_AT_ONCE, device())):
             everything = context_of(batch.to(device()), self.network.scale)
             steps = min(self.config.images, everything.actions.shape[1]) - 1
+            if steps < 1:  # nothing is known before the first step
+                continue
             seen, asked, outcome = split(everything, steps, self.config.questions)
             answers = float(outcome.real[seen.board].sum())
             surprise = float(loss_of(self.network, seen, asked, outcome, self.config.loss)[1])

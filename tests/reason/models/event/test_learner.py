@@ -146,6 +146,8 @@ def test_boards_of_different_lengths_are_trained_on_together() -> None:
     student = EventLearner(SMALL, boards, boards, 0)
     assert all(np.isfinite(student.iterate(iteration)[0]) for iteration in range(4))
     assert np.isfinite(student.judge()["loss"])
+    for images in (1, 2):
+        assert EventLearner(SMALL, boards, [boards[0].first(images)], 0).judge() == {}, "no step follows another"
 
 
 def test_the_smallest_change_lies_between_noise_and_change() -> None:

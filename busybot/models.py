@@ -153,6 +153,9 @@ def describe_model(folder: Path) -> ModelDescription:
     card, skill, kind = _card(folder)
     training, shipped, readme = card.training, folder.parent in SHIPPED.values(), folder / CARD_FILE
     told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
+    rounds = training.get("rounds", [])
+    if isinstance(rounds, dict):  # the paper's training tells of all together
+        rounds = [rounds | {"content_hash": rounds.get("content_sha256")}]
     return ModelDescription(
         name=_name(folder),
         skill=skill,
@@ -163,7 +166,7 @@ def describe_model(folder: Path) -> ModelDescription:
         parameters=sum(_values(path) for path in sorted(folder.glob(f"*{WEIGHTS}"))),
         hashes=card.files,
         seed=training.get("seed"),
-        data=[*training.get("rounds", []), *training.get("data", [])],
+        data=[*rounds, *training.get("data", [])],
         figures={**training.get("validation", {}), **told},
         versions=training.get("versions", {}),
         licence=training.get("licence") or ("MIT" if shipped else None),

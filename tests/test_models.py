@@ -104,6 +104,13 @@ def test_what_is_told_of_a_model_of_ones_own(folder: Path) -> None:
     assert models_below(folder.parent) == [folder]
 
 
+def test_rounds_that_are_told_together_are_one_line(folder: Path) -> None:
+    card = json.loads((folder / "model.json").read_text())
+    card["training"] |= {"data": [], "rounds": {"epochs": 3, "boards": 12, "content_sha256": "cd" * 32}}
+    (folder / "model.json").write_text(json.dumps(card))
+    assert f"trained on: 12 boards, content hash {'cd' * 32}" in run("models", "info", str(folder)).stdout
+
+
 def test_saving_records_hashes_for_both_skills(folder: Path, tmp_path: Path) -> None:
     load_model("procedural").save(tmp_path / "copy")
     for model in (folder, tmp_path / "copy"):

@@ -83,7 +83,8 @@ class _Gate:
         return f"{'at least' if self.least else 'at most'} {whole(self.limit)}"
 
     def reached(self, value: float) -> bool:
-        return value >= self.limit if self.least else value <= self.limit
+        ahead = round(value - self.limit, 9)  # shares less others are not exact
+        return ahead >= 0 if self.least else ahead <= 0
 
 
 def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:

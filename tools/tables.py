@@ -7,6 +7,7 @@ from typing import Any
 
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, Table
 from busybot.evaluation.results import read_result
+from busybot.view.report.gates import judge
 from busybot.view.report.page import Text, markdown, number, plain_grid, spread
 from busybot.view.report.results import Results, RowFound, read_results, rows_of
 from busybot.view.report.sections import table_grid
@@ -63,14 +64,15 @@ def overview() -> str:
 
 def _short(line: Line, rows: dict[str, RowFound], split: str) -> tuple[str, str, str]:
     """Ours, the paper's and the gate; a gate that is missed is bold."""
-    told = [rows[name].cells.get((split, line.key)) for name in line.rows if name in rows]
-    values = [one.low if one.several and one.low is not None else one.value for one in told if one is not None]
     row = next(row for row in line.table.rows if row.name == line.rows[0])
     assert row.paper is not None and row.gate is not None
     paper = line.table.at(line.table.paper[row.paper], split, line.key)
     gate = line.table.at(line.table.gates[row.gate], split, line.key)
-    ours = number(min(values)) if values else "missing"
-    missed = values and gate is not None and round(min(values), 6) < gate
+    told = [rows[name].cells.get((split, line.key)) for name in line.rows if name in rows]
+    judged = [verdict for one in told if (verdict := judge(line.table, row, split, line.key, one))]
+    worst = [one.worst for one in judged if one.worst is not None]
+    ours = number(min(worst)) if worst else "missing"
+    missed = any(one.reached is False for one in judged)
     return (f"**{ours}**" if missed else ours, f"{paper:g}", f"{gate:g}")
 
 

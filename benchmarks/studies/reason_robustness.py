@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import finish, one_of, parser, told_rows
+from benchmarks.runner import chosen, finish, one_of, parser, told_rows
 from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from busybot.common.atomic_io import sha256_of
 from busybot.common.process_pool import share
@@ -235,10 +235,11 @@ def main(words: list[str] | None = None) -> None:
 
 def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """The whole result; rows that are not asked for are kept from an earlier one."""
+    known = (*DISTURBANCES, PNG)
+    only = (UNDISTURBED, *(chosen(arguments.only, known) if arguments.only else known))
     dataset = Dataset.open(arguments.data)
     indices = sorted(dataset.finished())[: arguments.boards]
     models = dict(model.split("=", 1) for model in arguments.model)
-    only = (UNDISTURBED, *(arguments.only.split(",") if arguments.only else (*DISTURBANCES, PNG)))
     png = Dataset.open(arguments.png) if arguments.png else None
     work = partial(rows_of, asked=Asked(models, only, png, arguments.seed))
     gathered: dict[Row, list[Told]] = {}

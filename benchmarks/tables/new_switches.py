@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
+from benchmarks.tables.world_gates import digest_of
 from busybot.common.atomic_io import read_json
 from busybot.datasets.dataset import Dataset
 from busybot.interact.metrics import JudgedBoard
@@ -31,7 +32,8 @@ POLICIES = {
     "random": ("--model", "random"),
     "oracle": ("--model", "scripted"),
 }
-REASONERS = ("event", "mechanism", "count")
+TRAINED = ("event", "mechanism")
+REASONERS = (*TRAINED, "count")
 SHARES = ("precision", "recall", "recall_objects")
 
 
@@ -74,7 +76,8 @@ def related(folder: Path, assets: str, work: Path) -> Mapping[str, Any]:
     runner.busybot("collect", str(folder), "--policy", "scripted", "--steps", str(STEPS), "--assets", assets)
     rows = {}
     for reasoner in REASONERS:
-        out = work / f"reasoned-{reasoner}.json"
+        weights = digest_of(file_hashes(find_folder(reasoner, "reason"))) if reasoner in TRAINED else "none"
+        out = work / f"reasoned-{reasoner}-{weights}.json"
         done = read_json(out) if out.exists() else runner.busybot(
             "eval", "reason", str(folder), "--reasoner", reasoner, "--assets", assets, "--out", str(out)
         )  # fmt: skip
@@ -99,7 +102,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
             policy: interacted(folder, policy, assets, options.work / f"{folder.name}-{policy}") for policy in POLICIES
         }
     relations = related(options.work / "new", str(library), options.work)
-    models = {name: file_hashes(find_folder(name, "reason")) for name in REASONERS[:2]}
+    models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
     models["procedural"] = file_hashes(find_folder("procedural", "interact"))
     figures = {"drawn": options.drawn, "boards": options.boards, "rows": rows, "relations": relations}
     return runner.finish(KIND, options, figures, hashes={"models": models, "data": data})

@@ -187,7 +187,7 @@ def all_pairs(observed: ObservedEpisode, _: np.ndarray) -> np.ndarray:
 
 
 def pooled(counts: list[dict[str, int]]) -> dict[str, Any]:
-    """Precision and recall over all sequences, the least and greatest of single seeds, and exact intervals.
+    """Precision and recall over all sequences, the least of a single seed, and exact intervals.
 
     Windows of a recording overlap: intervals take its relations once.
     """

@@ -121,7 +121,9 @@ def _lines(told: "ModelDescription") -> list[str]:
 
 def _dataset(entry: dict[str, object]) -> str:
     boards, objects = entry.get("boards", entry.get("episodes")), entry.get("assets")
-    return f"{boards} boards of {objects} objects, seed {entry.get('seed')}, content hash {entry.get('content_hash')}"
+    told = [f"{boards} boards{f' of {objects} objects' if objects else ''}"]
+    told += [f"seed {entry['seed']}"] if entry.get("seed") is not None else []
+    return ", ".join([*told, f"content hash {entry.get('content_hash')}"])
 
 
 def _figures(figures: dict[str, object], indent: str = "") -> list[str]:

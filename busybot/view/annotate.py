@@ -148,7 +148,8 @@ class _Handler(BaseHTTPRequestHandler):
             case ["", "api", "done"]:
                 self._answer(lambda: {"done": True})
                 if self._allowed():
-                    self.server.shutdown()
+                    with self.server.saving:  # what is being saved is not torn off
+                        self.server.shutdown()
             case _:
                 self._refuse(HTTPStatus.NOT_FOUND, "there is nothing")
 

@@ -169,6 +169,11 @@ def truth_matrix(board: BoardSpec, step: int = 0) -> np.ndarray:
     return matrix
 
 
+def truth_ever(board: BoardSpec) -> np.ndarray:
+    """Which object controls which at any step, bool (N, N)."""
+    return np.any([truth_matrix(board, step) for step in {0, *(period.since for period in periods(board))}], axis=0)
+
+
 def true_edges(board: BoardSpec, step: int = 0) -> list[Edge]:
     """The relations between objects that the board has at a step."""
     return [Edge(int(i), int(j), 1.0, "correct") for i, j in np.argwhere(truth_matrix(board, step))]
@@ -188,10 +193,8 @@ def judged_edges(board: BoardSpec, inferred: InferredGraph, steps: int) -> list[
 
 def pairs_ever(board: BoardSpec, inferred: InferredGraph) -> list[tuple[int, int]]:
     """Cause and effect of every edge that `judged_edges` gives after any number of steps."""
-    ever = (np.stack([inferred.after(0), *inferred.probabilities]) > inferred.threshold).any(0)
-    for period in periods(board):
-        ever = ever | truth_matrix(board, period.since)
-    return [(int(i), int(j)) for i, j in np.argwhere(ever)]
+    claimed = (np.stack([inferred.after(0), *inferred.probabilities]) > inferred.threshold).any(0)
+    return [(int(i), int(j)) for i, j in np.argwhere(claimed | truth_ever(board))]
 
 
 def check_inferred(episode: Episode, inferred: InferredGraph) -> None:

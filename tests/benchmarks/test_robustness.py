@@ -1,5 +1,6 @@
 """Disturbances of recordings: what is disturbed and what is not; and the figure of their results."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
-from benchmarks.studies.reason_robustness import f1
+from benchmarks.studies.reason_robustness import f1, main
 from busybot.episodes.episode import Episode, Link
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.ground_truth import NOTHING_HELD
@@ -162,6 +163,11 @@ def result() -> dict[str, Any]:
     return {"models": {"event": {}}, "rows": rows, "disturbances": told}
 
 
+def test_names_in_the_figure_are_no_formulas(tmp_path: Path) -> None:
+    evil = json.loads(json.dumps(result()).replace("event", "$\\\\frac{$").replace("pixels", "$\\\\frac{$"))
+    assert robustness_figure(tmp_path / "f.png", evil).exists()
+
+
 def test_the_figure(tmp_path: Path) -> None:
     drawn = np.asarray(cv2.imread(str(robustness_figure(tmp_path / "f.png", result()))))
     assert drawn.shape[1] > 1200 and (drawn < 200).any()
@@ -169,3 +175,9 @@ def test_the_figure(tmp_path: Path) -> None:
 
 def test_nothing_claimed_is_worth_nothing() -> None:
     assert f1({"edge_p": None, "edge_r": 0.0}) == 0 and f1({"edge_p": 1.0, "edge_r": 0.5}) == pytest.approx(2 / 3)
+
+
+def test_what_is_no_disturbance_makes_no_row(tmp_path: Path) -> None:
+    words = ["--data", str(tmp_path), "--model", "event=event", "--out", str(tmp_path / "out.json")]
+    with pytest.raises(SystemExit, match=r"there is no boxs; choose among (.|\n)*boxes"):
+        main([*words, "--only", "jpeg,boxs"])

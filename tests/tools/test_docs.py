@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks.studies import splits as split_study
 from busybot.common.errors import BusybotError
-from tools import docs, prose, provenance, speed_tables, tables, world_tables
+from tests.view.report.test_report import reasoned, table2
+from tools import docs, gate_tables, prose, provenance, speed_tables, tables, world_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -94,6 +95,14 @@ def test_the_overview_shows_the_worst_seed_and_what_is_missed(results: Path) -> 
     assert rows["actions that move something"] == ["**95.0**", "90.1", "97", "95.0", "82.6", "93"]
     assert rows["goals reached, one-to-one"] == ["missing", "93.7", "98", "**94.0**", "92.3", "96"]
     assert rows["relations: recall"][0] == "missing"
+    (results / "table2.json").write_text(json.dumps(table2(reasoned())))
+    assert rows_of(tables.overview())["relations: recall"][0] == "98.5", "reached, as in a report: that is the bound"
+
+
+def test_a_gate_of_worlds_is_reached_at_its_limit() -> None:
+    behind = 0.99 - 0.95
+    assert behind > 0.04 and gate_tables._Gate("", behind, 0.04, least=False).reached(behind)
+    assert [gate_tables._Gate("", 0.9, 0.9).reached(value) for value in (0.9, 0.8999)] == [True, False]
 
 
 def test_only_uninterrupted_trainings_have_a_cost(results: Path) -> None:

@@ -136,6 +136,18 @@ def test_done_ends_the_command(tmp_path: Path) -> None:
         assert not thread.is_alive()
 
 
+def test_done_waits_for_what_is_being_saved(tmp_path: Path) -> None:
+    with AnnotationServer(dataset_of(tmp_path)) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        with server.saving:
+            assert ask(server, "/api/done", {})[0] == 200
+            thread.join(0.3)
+            assert thread.is_alive()
+        thread.join(10)
+        assert not thread.is_alive()
+
+
 def test_relations_follow_their_objects(tmp_path: Path) -> None:
     dataset = dataset_of(tmp_path)
     episode = dataset[0]

@@ -135,6 +135,31 @@ def test_boxes_are_dragged_given_roles_moved_and_saved(tmp_path: Path) -> None:
     assert not saved.board(1).objects and verify(saved.path).ok
 
 
+def test_what_is_drawn_while_another_recording_is_saved_is_kept(tmp_path: Path) -> None:
+    with AnnotationServer(dataset_of(tmp_path, boxes=False)) as server, browser(tmp_path) as page:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        page.open(server.url)
+        page.wait_for("now && image")
+        page.drag(page.at(10, 10), page.at(40, 40))
+        with server.saving:
+            page.click("save")
+            page.drag(page.at(60, 10), page.at(90, 40))
+            assert page.value("at('save').disabled")
+            page.do("Runtime.evaluate", expression="open(1)", awaitPromise=True)
+            page.drag(page.at(10, 60), page.at(40, 90))
+        page.wait_for("at('said').className === 'good'")
+        assert page.value("recordings.map(one => one.objects.map(each => each.was))") == [[0, None], [None]]
+        assert page.value("[now.index, [...dirty], at('save').disabled]") == [1, [0, 1], False]
+        for index in (1, 0):
+            page.do("Runtime.evaluate", expression=f"open({index})", awaitPromise=True)
+            page.click("save")
+            page.wait_for(f"!dirty.has({index})")
+        server.shutdown()
+        thread.join()
+    assert [len(board.objects) for board in Dataset.open(server.dataset.path).boards()] == [2, 1]
+
+
 def test_without_its_token_the_page_says_so(tmp_path: Path) -> None:
     with AnnotationServer(dataset_of(tmp_path)) as server, browser(tmp_path) as page:
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
-from busybot.objects.library import Library
+from busybot.objects.library import OTHER, Library
 from busybot.sim.thumbnails import GROUND, thumbnails
 from busybot.view.palette import FAINT, INK, MUTED
 
@@ -19,7 +19,7 @@ COLUMNS = 12
 EMPTY = 3
 """A picture's row whose pixels differ less than this from the ground is empty."""
 CATEGORIES = {"Switch": "Switches", "Lamp": "Lamps", "Door": "Doors", "Toy": "Track toys"}
-SPLITS = {"train": "for training", "novel": "novel, for testing", "": "in no split"}
+SPLITS = {"train": "for training", "novel": "novel, for testing", OTHER: "for scenes alone", "": "in no split"}
 Group = tuple[str, str, list[str]]
 """Category, split and keys."""
 

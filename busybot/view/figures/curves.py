@@ -109,7 +109,7 @@ def courses_figure(path: Path, courses: Sequence[Course], root: Path | None = No
 def _draw_course(axes: Any, course: Course) -> None:
     result = course.result
     if isinstance(result, ReasonResult):
-        _draw_images(axes, result.by_images)
+        _draw_images(axes, [one.model_dump() for one in result.by_images])
     else:
         shown = (("recall", "links found", RESPONDER), ("precision", "of these actions right", CORRECT))
         for key, words, color in shown:
@@ -212,9 +212,10 @@ def _draw(axes: Any, name: str, result: dict[str, Any], score: str, styles: dict
     if score == "pred_a":
         bound = [(row["strength"], row["known"]) for row in rows]
         axes.plot(*zip(*bound, strict=True), ":", linewidth=1, color=unit(INK), zorder=2)
-        axes.set_xlabel(words, fontsize=7.5, color=unit(MUTED))
+        axes.set_xlabel(words, fontsize=7.5, color=unit(MUTED), parse_math=False)
     else:
-        axes.set_title(title_of(result, name), loc="left", fontsize=8, fontweight="bold", color=unit(INK), pad=4)
+        title = axes.set_title(title_of(result, name), loc="left", fontsize=8, color=unit(INK), pad=4)
+        title.set(fontweight="bold", parse_math=False)
         axes.tick_params(labelbottom=False)
     axes.set_xticks([row["strength"] for row in rows])
     axes.xaxis.set_major_formatter("{x:g}")

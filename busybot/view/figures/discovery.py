@@ -69,6 +69,6 @@ def discovery_figure(path: Path, groups: Mapping[str, Sequence[WorldRow]], root:
 
 
 def shown(name: str) -> str:
-    """A name as it stands: a dollar sign in it begins no formula, a line does not hide it from the legend."""
+    """A name that is not too long; a line at its beginning does not hide it from the legend."""
     text = name if len(name) <= MOST_LETTERS else f"{name[: MOST_LETTERS - 3]}..."
-    return text.replace("$", r"\$").removeprefix("_")
+    return text.removeprefix("_")

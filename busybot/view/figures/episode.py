@@ -16,17 +16,19 @@ from busybot.view.figures import parts
 from busybot.view.mechanisms import harmless, mechanism_view
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, TRUTH, VERDICTS, mix, unit
 
+COLUMNS = 4
+"""Pictures of boards in a row at most."""
 LONGEST_TITLE = 60
 """Letters of what is said about a step."""
 
 
-def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, named: int | None = None) -> Path:
+def boards_figure(path: Path, episodes: Sequence[Episode], named: int | None = None) -> Path:
     """A contact sheet: the first image of every episode.
 
     Args:
         named: place in `episodes` of the board whose objects have their names.
     """
-    figure, grid = _board_grid(len(episodes), columns)
+    figure, grid = _board_grid(len(episodes))
     for place, (axes, episode) in enumerate(zip(grid, episodes, strict=False)):
         board = episode.board
         parts.draw_picture(axes, episode, episode.image(0))
@@ -37,14 +39,10 @@ def boards_figure(path: Path, episodes: Sequence[Episode], columns: int = 4, nam
     return parts.save_png(figure, path)
 
 
-def episode_figure(path: Path, episode: Episode, steps: Sequence[int] | None = None, columns: int = 4) -> Path:
-    """A strip: the initial image, then steps with the action marked and what changed in a box.
-
-    Args:
-        steps: indices from 0; by default seven, evenly over the steps in which something changed.
-    """
-    chosen = telling_steps(episode, 2 * columns - 1) if steps is None else list(steps)
-    figure, grid = _board_grid(len(chosen) + 1, columns)
+def episode_figure(path: Path, episode: Episode) -> Path:
+    """A strip: the initial image, then seven steps with the action marked and what changed in a box."""
+    chosen = telling_steps(episode, 2 * COLUMNS - 1)
+    figure, grid = _board_grid(len(chosen) + 1)
     parts.draw_picture(grid[0], episode, episode.image(0))
     parts.draw_title(grid[0], "start", f"board {episode.board.index}")
     names, why = annotations.object_names(episode.board), _otherwise(episode)
@@ -71,10 +69,10 @@ def _otherwise(episode: Episode) -> dict[tuple[int, int], str]:
     return late | alone
 
 
-def _board_grid(pictures: int, columns: int) -> tuple[Any, list[Any]]:
-    """A page with axes for so many pictures of boards, at most `columns` in a row."""
-    side = parts.WIDTH / max(columns, 3)
-    return parts.picture_grid(pictures, max(min(columns, pictures), 1), side, side + 0.18)
+def _board_grid(pictures: int) -> tuple[Any, list[Any]]:
+    """A page with axes for so many pictures of boards."""
+    side = parts.WIDTH / COLUMNS
+    return parts.picture_grid(pictures, max(min(COLUMNS, pictures), 1), side, side + 0.18)
 
 
 def telling_steps(episode: Episode, count: int) -> list[int]:
@@ -140,12 +138,12 @@ def refinement_figure(
     chosen = telling_moments(len(inferred.probabilities)) if steps is None else list(steps)
     names, objects = annotations.object_names(episode.board), episode.board.objects
     rows, columns = ([i for i, one in enumerate(objects) if one.role == role] for role in ("trigger", "responder"))
-    truth = annotations.truth_matrix(episode.board)[np.ix_(rows, columns)]
     side = (parts.WIDTH - 1.4) / max(len(chosen), 1)
     figure = parts.page(parts.WIDTH, 1.3 + side * len(rows) / max(len(columns), 1))
     grid = figure.subplots(1, len(chosen), squeeze=False, sharey=True)[0]
     for axes, moment in zip(grid, chosen, strict=True):
-        mesh = _draw_matrix(axes, inferred.after(moment)[np.ix_(rows, columns)], truth)
+        beliefs, truth = inferred.after(moment), annotations.truth_matrix(episode.board, moment)
+        mesh = _draw_matrix(axes, beliefs[np.ix_(rows, columns)], truth[np.ix_(rows, columns)])
         axes.set_xticks(np.arange(len(columns)) + 0.5, [names[j] for j in columns], rotation=90)
         axes.set_yticks(np.arange(len(rows)) + 0.5, [names[i] for i in rows])
         parts.draw_title(axes, "1 step" if moment == 1 else f"{moment} steps")
@@ -172,9 +170,9 @@ def _draw_matrix(axes: Any, values: np.ndarray, truth: np.ndarray) -> Any:
     return mesh
 
 
-def telling_moments(steps: int, count: int = 5) -> list[int]:
-    """Numbers of steps from 1 to `steps`, evenly on a logarithmic scale."""
-    return sorted({int(round(x)) for x in np.geomspace(1, max(steps, 1), count)})
+def telling_moments(steps: int) -> list[int]:
+    """At most five numbers of steps from 1 to `steps`, evenly on a logarithmic scale."""
+    return sorted({int(round(x)) for x in np.geomspace(1, max(steps, 1), 5)})
 
 
 def changes_figure(path: Path, episode: Episode) -> Path:

@@ -73,10 +73,11 @@ def draw_picture(axes: Any, episode: Episode, image: Image, paleness: float = 0.
 
 
 def draw_title(axes: Any, bold: str, plain: str = "") -> None:
-    """A title at the left, its second part in grey."""
-    axes.set_title(bold, loc="left", fontsize=8.5, fontweight="bold", color=unit(INK), pad=4)
+    """A title at the left, its second part in grey; a dollar sign in it begins no formula."""
+    style: dict[str, Any] = {"pad": 4, "parse_math": False}
+    axes.set_title(bold, loc="left", fontsize=8.5, fontweight="bold", color=unit(INK), **style)
     if plain:
-        axes.set_title(plain, loc="right", fontsize=7.5, color=unit(MUTED), pad=4)
+        axes.set_title(plain, loc="right", fontsize=7.5, color=unit(MUTED), **style)
 
 
 def draw_action(axes: Any, episode: Episode, step: int) -> None:
@@ -150,12 +151,12 @@ def draw_arc(
     _add(axes, arrow, width + 2)
 
 
-def draw_line(axes: Any, start: np.ndarray, end: np.ndarray, color: Rgb, dashed: bool, width: float = 1.5) -> None:
-    """A straight line over the picture; width in points."""
+def draw_line(axes: Any, start: np.ndarray, end: np.ndarray, color: Rgb, dashed: bool) -> None:
+    """A straight line over the picture."""
     style = (0, (3, 2)) if dashed else "solid"
-    halo = [withStroke(linewidth=width + 2, foreground=unit(PAPER))]
+    halo = [withStroke(linewidth=3.5, foreground=unit(PAPER))]
     ends = (float(start[0]), float(end[0])), (float(start[1]), float(end[1]))
-    axes.plot(*ends, color=unit(color), linewidth=width, linestyle=style, zorder=7, path_effects=halo)
+    axes.plot(*ends, color=unit(color), linewidth=1.5, linestyle=style, zorder=7, path_effects=halo)
 
 
 def _arrow(start: np.ndarray, end: np.ndarray, color: Rgb, **style: Any) -> FancyArrowPatch:
@@ -203,9 +204,11 @@ def plain_axes(axes: Any, shares: tuple[float, float] | None = None) -> None:
 
 
 def draw_legend(figure: Figure, handles: Sequence[Artist], columns: int | None = None) -> None:
-    """A legend below all axes, by default in one line."""
+    """A legend below all axes, by default in one line; a dollar sign in it begins no formula."""
     style: dict[str, Any] = {"frameon": False, "fontsize": 8, "labelcolor": unit(INK)}
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns or len(handles), **style)
+    legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns or len(handles), **style)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def line_key(label: str, color: Rgb, **style: Any) -> Line2D:

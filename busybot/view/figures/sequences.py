@@ -92,7 +92,7 @@ def belief_figure(path: Path, episode: Episode, inferred: InferredGraph, steps: 
 
 def _bends(episode: Episode, inferred: InferredGraph, moments: list[int]) -> dict[tuple[int, int], float]:
     """How each relation that is ever drawn bends, alike in all pictures."""
-    drawn = annotations.truth_matrix(episode.board)
+    drawn = annotations.truth_ever(episode.board)
     for moment in moments:
         drawn = drawn | (inferred.after(moment) > LEAST)
     places, names = annotations.anchors(episode) * annotations.drawing_scale(episode), parts.name_places(episode)
@@ -108,7 +108,7 @@ def _draw_board(
 ) -> None:
     parts.draw_picture(axes, episode, episode.image(0), paleness=0.5)
     parts.draw_names(axes, episode, 5.5)
-    truth, probabilities = annotations.truth_matrix(episode.board), inferred.after(moment)
+    truth, probabilities = annotations.truth_matrix(episode.board, moment), inferred.after(moment)
     claimed = probabilities > inferred.threshold
     places = annotations.anchors(episode) * annotations.drawing_scale(episode)
     for (i, j), bend in sorted(bends.items(), key=lambda one: float(probabilities[one[0]])):
@@ -128,14 +128,14 @@ def _draw_board(
 def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: list[int]) -> None:
     """Edge-P and Edge-R of this board after every number of steps; nothing claimed has no precision."""
     parts.plain_axes(axes, (-0.03, 1.06))
-    truth, steps = annotations.truth_matrix(episode.board), range(1, max(moments) + 1)
-    claims = [inferred.claimed(step) for step in steps]
-    hits = np.array([(claimed & truth).sum() for claimed in claims], float)
-    numbers = np.array([claimed.sum() for claimed in claims], float)
-    precision = np.divide(hits, numbers, out=np.full(len(hits), np.nan), where=numbers > 0)
+    steps = range(1, max(moments) + 1)
+    edges = [(inferred.claimed(step), annotations.truth_matrix(episode.board, step)) for step in steps]
+    counts = [((claimed & truth).sum(), claimed.sum(), truth.sum()) for claimed, truth in edges]
+    hits, numbers, true = np.reshape(counts, (-1, 3)).T.astype(float)
+    precision, recall = (np.divide(hits, of, out=np.full_like(hits, np.nan), where=of > 0) for of in (numbers, true))
     axes.plot(steps, precision, color=unit(CORRECT), linewidth=2, marker="o", markersize=3, label="Edge-P")
-    if truth.any():
-        axes.plot(steps, hits / truth.sum(), color=unit(RESPONDER), linewidth=2, drawstyle="steps-post", label="Edge-R")
+    if true.any():
+        axes.plot(steps, recall, color=unit(RESPONDER), linewidth=2, drawstyle="steps-post", label="Edge-R")
     for moment in moments:
         axes.axvline(moment, color=unit(MUTED), linewidth=0.7, linestyle=":", zorder=1)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
@@ -218,9 +218,11 @@ def _write(axes: Any, words: str, side: float) -> None:
     """Words below a picture."""
     lines = textwrap.wrap(words, int(LETTERS * side), max_lines=LINES, placeholder=" ...")
     text = "\n".join(lines + [""] * (LINES - len(lines)))
-    axes.set_xlabel(text, fontsize=6.3, color=unit(MUTED), loc="left", labelpad=3, linespacing=1.25)
+    style: dict[str, Any] = {"loc": "left", "labelpad": 3, "linespacing": 1.25, "parse_math": False}
+    axes.set_xlabel(text, fontsize=6.3, color=unit(MUTED), **style)
 
 
+ACTIONS_PER_ROW = 5
 PALE = 0.6
 """How much the picture under an affordance map is mixed with white."""
 CLOSE = 44.0
@@ -231,25 +233,16 @@ DOT = 26.0
 """Area of the dot of a candidate that is certain to succeed, points squared."""
 
 
-def affordance_figure(
-    path: Path,
-    episode: Episode,
-    thoughts: Sequence[PolicyTrace],
-    steps: Sequence[int] | None = None,
-    columns: int = 5,
-    root: Path | None = None,
-) -> Path:
+def affordance_figure(path: Path, episode: Episode, thoughts: Sequence[PolicyTrace], root: Path | None = None) -> Path:
     """Actions one after the other, each with a close-up below the board: affordance over the picture, known links
     outlined, candidates as dots, the action chosen.
 
     Args:
-        thoughts: of `interact.policy.policy_trace.retrace`, one for each step to be drawn at the least.
-        steps: indices from 0; by default the first ones, two rows of them.
+        thoughts: of `interact.policy.policy_trace.retrace`; the first ones are drawn, two rows of them.
         root: as `parts.save_png` takes it.
     """
-    known = {thought.step: thought for thought in thoughts}
-    chosen = [step for step in (steps if steps is not None else sorted(known)[: 2 * columns]) if step in known]
-    columns = max(min(columns, len(chosen)), 1)
+    chosen = thoughts[: 2 * ACTIONS_PER_ROW]
+    columns = max(min(ACTIONS_PER_ROW, len(chosen)), 1)
     strips, side = max(-(-len(chosen) // columns), 1), parts.WIDTH / max(columns, 3)
     figure = parts.page(side * columns, strips * (2 * side + 0.1) + 0.2)
     grid = figure.subplots(2 * strips, columns, squeeze=False)
@@ -257,7 +250,7 @@ def affordance_figure(
         strip, column = divmod(place, columns)
         whole, close = grid[2 * strip : 2 * strip + 2, column]
         if place < len(chosen):
-            _draw_step(whole, close, episode, known[chosen[place]])
+            _draw_step(whole, close, episode, chosen[place])
         else:
             whole.set_axis_off()
             close.set_axis_off()

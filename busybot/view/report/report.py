@@ -102,7 +102,8 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     Raises:
         BusybotError: nothing that was given is a result, or one of them is damaged.
     """
-    results = read_results(paths)
+    figures = out / FIGURES
+    results = read_results(paths, figures)
     if not results.files:
         what = f"{', '.join(map(str, paths))}: no result lies there"
         what += f", only {results.without_kind} JSON files without a known `kind`" if results.without_kind else ""
@@ -110,7 +111,6 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     if out.exists() and not out.is_dir():
         raise BusybotError(f"{out}: it is a file", "name a folder")
     judged = verdicts(results)
-    figures = out / FIGURES
     make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
     files = tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())

@@ -6,16 +6,16 @@ Files hold shares from 0 to 1; the cells of tables are percent.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field, ValidationError, field_validator
+from pydantic import BeforeValidator, Field, ValidationError, field_validator, model_validator
 
 from busybot.common.atomic_io import read_json, regular_files, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
-from busybot.evaluation.statistics import widest
+from busybot.evaluation.statistics import Interval, widest
 from busybot.view.report.page import number, spread
 from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
@@ -29,6 +29,14 @@ MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
 
+def _without_level(told: Any) -> Any:
+    """Intervals alone, without how much lies within them."""
+    return {name: one for name, one in told.items() if name != "level"} if isinstance(told, dict) else told
+
+
+Intervals = Annotated[dict[str, Interval], BeforeValidator(_without_level)]
+
+
 class InteractResult(Evaluation):
     """Of `busybot eval interact`."""
 
@@ -38,9 +46,20 @@ class InteractResult(Evaluation):
     boards: int
     policy: str = ""
     strict: bool = False
-    intervals: dict[str, Any]
-    object_intervals: dict[str, Any] = {}
+    intervals: Intervals
+    object_intervals: Intervals = {}
     by_step: list[dict[str, float | None]] = []
+
+
+class _AfterImages(ResultFile):
+    """Scores after so many images."""
+
+    images: int
+    edge_p: float | None
+    edge_r: float | None
+    edge_r_bound: float | None
+    pred_a: float | None
+    pred_a_bound: float | None
 
 
 class ReasonResult(Evaluation):
@@ -57,9 +76,9 @@ class ReasonResult(Evaluation):
     bounds: dict[str, dict[str, float | None] | None] | None = None
     ece: float | None = None
     brier: float | None = None
-    intervals: dict[str, Any]
-    object_intervals: dict[str, Any] = {}
-    by_images: list[dict[str, float | None]] = []
+    intervals: Intervals
+    object_intervals: Intervals = {}
+    by_images: list[_AfterImages] = []
     baselines: dict[str, dict[str, float | None]] = {}
     persistence: dict[str, Any] | None = None
 
@@ -83,17 +102,57 @@ class PlanResult(Evaluation):
     tasks: int
 
 
+class _Cost(ResultFile):
+    seconds: float
+    megabytes: float | None = None
+
+
+class _Training(ResultFile):
+    """What a training tells of itself, of a learned agent more; Table 2 keeps its cost beside that."""
+
+    seed: int | None = None
+    rounds: list[dict[str, Any]] = []
+    data: list[dict[str, Any]] = []
+    versions: dict[str, Any] | None = None
+    cost: _Cost | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_cost(cls, value: Any) -> Any:
+        told = value.get("training") if isinstance(value, dict) else None
+        return {**told, "cost": value.get("cost")} if isinstance(told, dict) else value
+
+    @field_validator("rounds", mode="before")
+    @classmethod
+    def _all_epochs(cls, value: Any) -> Any:
+        """The paper's training tells of all its rounds together."""
+        return [value] if isinstance(value, dict) else value
+
+
 class _Row(ResultFile):
-    """A row of a table, with its commands and trainings; Table 2 keeps a training and its cost beside each other."""
+    """A row of a table, with its commands and trainings."""
 
     commands: list[str] = []
-    training: list[dict[str, Any]] = []
+    training: list[_Training] = []
 
     @field_validator("training", mode="before")
     @classmethod
     def _as_list(cls, value: Any) -> Any:
-        listed = value if isinstance(value, list) else [value] if value else []
-        return [{**one["training"], "cost": one.get("cost")} if "training" in one else one for one in listed]
+        return value if isinstance(value, list) else [value] if value else []
+
+    @property
+    def trainings(self) -> list[dict[str, Any]]:
+        return [one.model_dump() for one in self.training]
+
+
+class _TableFile(ResultFile):
+    """What a table's file tells of itself, beside its rows."""
+
+    rows: dict[str, Any] | None = None
+    assets: str | None = None
+    machine: dict[str, Any] | None = None
+    commands: list[str] | None = None
+    profile: str | None = None
 
 
 class _InteractRow(_Row):
@@ -255,8 +314,11 @@ class Results:
                 yield table, row, self.row(table, row.name)
 
 
-def read_results(paths: Iterable[Path]) -> Results:
+def read_results(paths: Iterable[Path], drawn: Path | None = None) -> Results:
     """Read files, and all results and pictures in folders; other files in folders are passed over.
+
+    Args:
+        drawn: the folder with an earlier report's own pictures, which is passed over, too.
 
     Raises:
         BusybotError: a path does not exist, a named file is no result that a report shows, or one is damaged.
@@ -265,7 +327,8 @@ def read_results(paths: Iterable[Path]) -> Results:
     for path in paths:
         if path.is_dir():
             for file in regular_files(path, lambda name: Path(name).suffix.lower() in (*PICTURES, ".json")):
-                _read(results, file, named=False)
+                if drawn is None or not file.resolve().is_relative_to(drawn.resolve()):
+                    _read(results, file, named=False)
         else:
             _read(results, path, named=True)
     return results
@@ -318,9 +381,9 @@ def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
         case "stages":
             results.stages = Stages.model_validate(value)
         case "table1" | "table2" | "table3" as kind:
-            number = int(kind.removeprefix("table"))
-            results.tables.setdefault(number, {}).update(rows_of(number, value.get("rows") or {}))
-            results.about[number] = {key: value.get(key) for key in ("assets", "machine", "commands", "profile")}
+            number, told = int(kind.removeprefix("table")), _TableFile.model_validate(value)
+            results.tables.setdefault(number, {}).update(rows_of(number, told.rows or {}))
+            results.about[number] = told.model_dump(include={"assets", "machine", "commands", "profile"})
         case _:
             return False
     return True
@@ -338,7 +401,7 @@ def rows_of(number: int, rows: dict[str, Any]) -> dict[str, RowFound]:
 
 def _interact_row(value: dict[str, Any], table: Table) -> RowFound:
     row = _InteractRow.model_validate(value)
-    found = RowFound(commands=row.commands, trainings=row.training, note=row.untrained)
+    found = RowFound(commands=row.commands, trainings=row.trainings, note=row.untrained)
     for split, result in (("novel-config", row.config), ("novel-object", row.object)):
         if result is not None:
             found.cells |= {(split, key): score_of(result, key) for key in table.keys}
@@ -348,7 +411,7 @@ def _interact_row(value: dict[str, Any], table: Table) -> RowFound:
 
 def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
     row = _ReasonRow.model_validate(value)
-    found = RowFound(commands=row.commands, trainings=row.training)
+    found = RowFound(commands=row.commands, trainings=row.trainings)
     for split, judged in row.splits.items():
         first = judged.seeds[0]
         for key in table.keys:
@@ -363,7 +426,7 @@ def _reason_row(value: dict[str, Any], table: Table) -> RowFound:
 
 def _plan_row(value: dict[str, Any], table: Table) -> RowFound:
     row = _PlanRow.model_validate(value)
-    found = RowFound(commands=row.commands, trainings=row.training)
+    found = RowFound(commands=row.commands, trainings=row.trainings)
     for split, kinds in row.splits.items():
         for kind, told in kinds.items():
             several = len(told.seeds) > 1  # the interval is the first one's

@@ -138,12 +138,13 @@ def _origins(found: RowFound) -> list[str]:
     """Trainings and boards of a row, as far as they were recorded."""
     lines = []
     for training in found.trainings:
-        data = [*training.get("rounds", []), *training.get("data", [])]
-        hashes = ", ".join(f"`{str(entry['content_hash'])[:16]}`" for entry in data if entry.get("content_hash"))
-        seed = "" if training.get("seed") is None else f"seed {training['seed']}"
+        data = [*training["rounds"], *training["data"]]
+        contents = [entry.get("content_hash") or entry.get("content_sha256") for entry in data]
+        hashes = ", ".join(f"`{str(one)[:16]}`" for one in contents if one)
+        seed = "" if training["seed"] is None else f"seed {training['seed']}"
         told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
         lines += [f"training: {told}"] if told else []
-        lines += [f"made with {_in_a_line(training['versions'])}"] if training.get("versions") else []
+        lines += [f"made with {_in_a_line(training['versions'])}"] if training["versions"] else []
     return lines + [f"judged, {split}: {_dataset(result.dataset)}" for split, result in found.results.items()]
 
 
@@ -163,10 +164,10 @@ def cost_grid(results: Results) -> Grid | None:
     """Time and memory of the trainings, as far as they were measured."""
     lines = []
     for table, row, found in results.rows():
-        costs = [training["cost"] for training in found.trainings if training.get("cost")] if found else []
+        costs = [training["cost"] for training in found.trainings if training["cost"]] if found else []
         if costs:
             minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
-            known = [cost["megabytes"] for cost in costs if "megabytes" in cost]
+            known = [cost["megabytes"] for cost in costs if cost["megabytes"] is not None]
             memory = f"{max(known) / 1000:.1f}" if known else "-"
             lines.append((f"Table {table.number}, {row.words}", (", ".join(minutes), memory)))
     return plain_grid(("minutes", "GB at most"), lines, "training") if lines else None

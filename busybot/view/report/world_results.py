@@ -228,11 +228,11 @@ class WorldResults:
         return found
 
     def understood(self, world: str, reasoner: str, board_hash: object) -> float | None:
-        """The mechanism accuracy of a reasoner in a world; on these boards if it was measured there."""
+        """The mechanism accuracy of a reasoner in a world, given boxes; on these boards if it was measured there."""
         known = [
             (one.dataset.get("board_hash") == board_hash, one.mechanism_accuracy)
             for one in self.reason.values()
-            if (one.world, one.model) == (world, reasoner) and one.mechanism_accuracy is not None
+            if (one.world, one.model, one.boxes) == (world, reasoner, "given") and one.mechanism_accuracy is not None
         ]
         same = [share for same, share in known if same] or [share for _, share in known]
         return sum(same) / len(same) if same else None

@@ -234,7 +234,8 @@ def _true_view(name: str, extents: np.ndarray) -> Any:
 
 
 def _around(extents: np.ndarray) -> rrb.VisualBounds2D:
-    """A square, as the graph keeps its aspect, around boxes (B, 4)."""
+    """A square, as the graph keeps its aspect, around boxes (B, 4); a small one without any."""
+    extents = extents if len(extents) else np.zeros((1, 4))
     low, high = extents[:, :2].min(0), extents[:, 2:].max(0)
     half = np.max(high - low) / 2 + GRAPH_MARGIN
     return _bounds((low + high) / 2 - half, (low + high) / 2 + half)

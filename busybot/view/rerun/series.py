@@ -9,7 +9,7 @@ from busybot.common.text import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_matrix, visible
+from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_ever, visible
 from busybot.view.mechanisms import MechanismView
 from busybot.view.palette import ACTION, CORRECT, LOCK, MISSED, MUTED, STATES, TRUTH, WRONG, Rgb, curve_colors
 
@@ -46,9 +46,9 @@ def log_signals(recording: rr.RecordingStream, episode: Episode, frame: int) -> 
 def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred: InferredGraph, frame: int) -> None:
     """The whole matrix as a heat map, rows are causes, columns effects; and the curves of some pairs.
 
-    Pairs with a curve are the true ones, in cool colours, and in warm ones those that ever seemed possible.
+    Pairs with a curve are those that are ever true, in cool colours, and in warm ones those that ever seemed possible.
     """
-    path, truth, names = ["inference", inferred.name], truth_matrix(episode.board), curve_names(episode, inferred)
+    path, truth, names = ["inference", inferred.name], truth_ever(episode.board), curve_names(episode, inferred)
     matrix = inferred.after(frame)
     tensor = rr.Tensor(matrix.astype(np.float32), dim_names=("cause", "effect"), value_range=[0, 1])
     recording.log([*path, "probabilities"], tensor)
@@ -61,7 +61,7 @@ def log_probabilities(recording: rr.RecordingStream, episode: Episode, inferred:
 
 def curve_names(episode: Episode, inferred: InferredGraph) -> dict[tuple[int, int], str]:
     """The pairs that have a curve, and what it is called: "switch 2 → lamp 5"."""
-    names, truth = object_names(episode.board), truth_matrix(episode.board)
+    names, truth = object_names(episode.board), truth_ever(episode.board)
     shown = truth | (inferred.probabilities.max(0) >= SHOWN_PROBABILITY)
     return {(int(i), int(j)): f"{names[i]} → {names[j]}" for i, j in np.argwhere(shown)}
 

@@ -33,5 +33,5 @@ def test_equal_episodes_give_equal_bytes(tmp_path: Path) -> None:
 @pytest.mark.long
 def test_any_number_of_steps_can_be_drawn(tmp_path: Path) -> None:
     episode = make_episode()
-    for steps in ([], [2], [0, 1, 5]):
-        assert cv2.imread(str(affordance_figure(tmp_path / "f.png", episode, thoughts(episode), steps))) is not None
+    for count in (0, 1, 6):
+        assert cv2.imread(str(affordance_figure(tmp_path / "f.png", episode, thoughts(episode)[:count]))) is not None

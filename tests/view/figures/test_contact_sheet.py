@@ -32,6 +32,7 @@ def test_objects_stand_by_category_and_split(few: Library) -> None:
     ]
     unsplit = replace(few, splits={"train": {}, "novel": {}})
     assert [split for _, split, _ in groups(unsplit)] == ["", "", ""], "objects of no split are shown, too"
+    assert {split for _, split, _ in groups(find("procedural"))} == {"train", "novel", "other"}
 
 
 def test_every_object_of_a_whole_library_is_in_one_group() -> None:

@@ -1,14 +1,19 @@
 """The graph over the board, step by step."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from busybot.boards.true_causes import relations_at
 from busybot.reason.models.base import InferredGraph
+from busybot.view.annotations import truth_matrix
+from busybot.view.figures.episode import refinement_figure
 from busybot.view.figures.sequences import belief_figure
 from busybot.view.palette import CORRECT, RESPONDER, TRUTH, WRONG
+from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.figures.test_episode import GUESS, has
 
@@ -61,3 +66,15 @@ def test_the_last_step_is_always_drawn(tmp_path: Path) -> None:
         belief_figure(tmp_path / f"{n}.png", episode, GUESS, s) for n, s in (("a", (1, 22)), ("b", (1, 6)))
     )
     assert len(episode.steps) == 6 and default.read_bytes() == explicit.read_bytes()
+
+
+def test_what_is_true_changes_where_a_board_is_rewired(few_objects: Callable[[int], Path], tmp_path: Path) -> None:
+    (board,) = world_boards(few_objects(0), "rewired", 1)
+    episode = make_world_episode(board, library_at(few_objects(0)))
+    assert (truth_matrix(board, 30) != truth_matrix(board)).any()
+    follows = InferredGraph("follows", np.array([truth_matrix(board, step) for step in range(1, 31)], float))
+    picture = drawn(belief_figure(tmp_path / "f.png", episode, follows, (12,)))
+    assert has(picture, CORRECT) and not has(picture, WRONG) and not has(picture, TRUTH)
+    late = refinement_figure(tmp_path / "late.png", episode, follows, (30,)).read_bytes()
+    episode.board = board.model_copy(update={"relations": tuple(relations_at(board, 30)), "rewirings": ()})
+    assert late == refinement_figure(tmp_path / "new.png", episode, follows, (30,)).read_bytes()

@@ -62,6 +62,12 @@ def test_long_rollouts_go_on_below(tmp_path: Path) -> None:
     assert drawn(tmp_path / "none.png", rollout(0)).size
 
 
+def test_words_of_an_agent_are_no_formula(tmp_path: Path) -> None:
+    episode = rollout(1)
+    episode.settings |= {"decisions": ["$\\frac{$"]}
+    assert drawn(tmp_path / "f.png", episode).size
+
+
 def test_an_episode_without_a_goal_has_no_sequence(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="no goal"):
         sequence_figure(tmp_path / "f.png", make_episode())

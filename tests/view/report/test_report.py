@@ -196,6 +196,13 @@ def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
     assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
 
 
+def test_a_report_in_a_folder_of_results_does_not_show_its_own_pictures(tmp_path: Path) -> None:
+    write(tmp_path / "one.json", reasoned())
+    Image.new("RGB", (8, 8)).save(tmp_path / "curve.png")
+    told = [write_report([tmp_path], tmp_path / "report").markdown.read_text() for _ in range(2)]
+    assert told[0] == told[1] and told[0].count("given-") == 1
+
+
 @pytest.mark.long
 def test_planning_has_its_place(tmp_path: Path) -> None:
     kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}
@@ -280,7 +287,7 @@ def test_figures_of_an_episode(tmp_path: Path, tiny: Path) -> None:
 
 
 def test_nothing_from_a_file_becomes_markup(tmp_path: Path) -> None:
-    evil = "<script>alert(1)</script>"
+    evil = "<script>alert(1)</script> $\\frac{$"
     file = write(tmp_path / "one.json", reasoned(model=evil, dataset={**DATASET, "name": evil}, command=f"`{evil}"))
     assert "<script" not in write_report([file], tmp_path / "out").html.read_text()
     text = write_report([file], tmp_path / "out").markdown.read_text()
@@ -302,6 +309,13 @@ def test_nothing_from_a_file_becomes_markup(tmp_path: Path) -> None:
         ({"kind": "table9"}, r"bad\.json: a result of the unknown kind 'table9'(.|\n)*table1"),
         ({"kind": "s3"}, r"bad\.json: a report does not show results of the kind s3(.|\n)*table1"),
         ([], r"bad\.json: it is no result"),
+        (reasoned(intervals={"precision": [0.5]}), r"bad\.json: intervals\.precision\.1: "),
+        (reasoned(by_images=[{"images": 2}]), r"bad\.json: by_images\.0\.edge_p: "),
+        ({"kind": "table1", "machine": "mine"}, r"bad\.json: machine: "),
+        (
+            {"kind": "table3", "rows": {"bc": {"training": {"cost": {"seconds": "long"}}}}},
+            r"bad\.json: training\.0\.cost\.seconds: ",
+        ),
     ],
 )
 def test_files_that_are_no_results(tmp_path: Path, content: Any, message: str) -> None:
@@ -344,6 +358,16 @@ def test_what_made_the_committed_tables_is_told(tmp_path: Path) -> None:
     assert content[:16] in told[1]
     for command in json.loads(files[2].read_text())["commands"]:
         assert told[2].count(f"- `{command}`\n") == 1
+
+
+def test_a_training_of_the_papers_networks_tells_of_all_its_rounds_together(tmp_path: Path) -> None:
+    rounds = {"epochs": 2, "content_sha256": "ab" * 32, "boards": 32, "steps": 320, "rewarded": 9}
+    row = json.loads(TABLE1.read_text())["rows"]["free-0"]
+    row["training"] = {"seed": 0, "rounds": rounds, "cost": {"seconds": 60}}
+    file = write(tmp_path / "t.json", {"kind": "table1", "rows": {"paper": row}})
+    text = write_report([file], tmp_path / "out").markdown.read_text()
+    assert f"- training: seed 0, content of its data `{'ab' * 8}`\n" in text
+    assert "| Table 1, the paper's networks, on its schedule | 1.0 | - |" in text
 
 
 def test_rows_with_the_same_commands_name_them_once(tmp_path: Path) -> None:

@@ -118,6 +118,7 @@ def test_planning_stands_beside_what_its_reasoner_understood(tmp_path: Path) -> 
 def test_understanding_is_taken_from_the_same_boards_if_it_was_measured_there(tmp_path: Path) -> None:
     elsewhere = reasoned(mechanism_accuracy=0.2, dataset=DATASET | {"board_hash": "cd" * 32})
     told = {"a": reasoned(), "b": elsewhere, "c": reasoned(world="time", mechanism_accuracy=0.9)}
+    told["d"] = reasoned(boxes="proposed", mechanism_accuracy=0.1)  # agents are given boxes
     for name, value in told.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(value))
     worlds = read_results([tmp_path]).worlds

@@ -3,11 +3,14 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from busybot.reason.models.base import InferredGraph
+from busybot.view.annotations import truth_matrix
 from busybot.view.mechanisms import MechanismView
 from busybot.view.rerun.graph import factor_places
-from busybot.view.rerun.series import cause_lanes
+from busybot.view.rerun.series import cause_lanes, curve_names
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode
 from tests.view.rerun.test_recording import entities, rows, saved
@@ -63,6 +66,14 @@ def test_a_lane_tells_state_and_cause(few_objects: Objects) -> None:
 def test_mechanisms_do_not_move_when_others_come_and_go(few_objects: Objects) -> None:
     view = view_of(few_objects(0), "rewired")
     assert set(factor_places(view)) == {factor.key for step in view.moments for factor in view.factors(step)}
+
+
+def test_a_relation_that_comes_later_has_a_curve(few_objects: Objects) -> None:
+    episode = view_of(few_objects(0), "rewired").episode
+    objects = len(episode.board.objects)
+    curves = set(curve_names(episode, InferredGraph("nothing", np.zeros((1, objects, objects)))))
+    before, after = ({*zip(*truth_matrix(episode.board, step).nonzero(), strict=True)} for step in (0, 30))
+    assert before != after and curves == before | after
 
 
 def test_markup_of_a_file_is_text(few_objects: Objects, tmp_path: Path) -> None:

@@ -63,6 +63,14 @@ def test_step_k_shows_the_board_after_k_actions(tmp_path: Path) -> None:
     assert images == [k for k in range(7) if k == 0 or episode.frame_of[k] != episode.frame_of[k - 1]]
 
 
+def test_a_recording_without_objects_is_shown(tmp_path: Path) -> None:
+    episode = make_real_episode()
+    episode.board = episode.board.model_copy(update={"objects": (), "relations": ()})
+    episode.images = [replace(image, boxes=np.zeros((0, 4), np.int16)) for image in episode.images]
+    episode.positions = episode.positions[:0]
+    assert "/camera/image" in entities(saved(tmp_path / "e.rrd", episode))
+
+
 def test_only_what_changed_is_logged_again(tmp_path: Path) -> None:
     path = saved(tmp_path / "e.rrd", make_episode(steps=6))
     assert len(list(rows(path, "/world/objects/toy\\ 4"))) == 1

@@ -103,8 +103,8 @@ LABELS = {"parents": "true parents, and which way round links are", "pictures": 
 
 
 def suited(config: Config, datasets: list[Dataset]) -> Config:
-    """The same with what the `mechanism` network hears and says where nobody chose it: worlds of the datasets; with
-    labels all that these teach.
+    """The same with what the `mechanism` network hears and says where nobody chose it: worlds of the datasets, families
+    of explanations; with labels all that these teach.
 
     Raises:
         UsageError: it is to hear or say what only labels teach, and there are to be none.
@@ -114,10 +114,11 @@ def suited(config: Config, datasets: list[Dataset]) -> Config:
     generators = [dataset.info.generator for dataset in datasets if dataset.info.generator.version != IMPORTED]
     told = {str(one.config.get("world", PAPER)) for one in generators}
     labels = config.labels == "parents"
+    given = config.net.model_fields_set
     heard: dict[str, object] = {"worlds": config.net.worlds or tuple(sorted(told))}
+    heard["families"] = config.net.families or "families" not in given
     for name in ("changes", "unseen", "rising", "unsteady"):
-        given = name in config.net.model_fields_set
-        heard[name] = getattr(config.net, name) if given else labels
+        heard[name] = getattr(config.net, name) if name in given else labels
         if heard[name] and not labels:
             raise UsageError(f"net.{name}=true: only labels teach that", "leave it out, or train with labels=parents")
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})

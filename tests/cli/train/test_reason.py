@@ -157,11 +157,14 @@ def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path
     assert listed.exit_code == 0 and "mechanism" in listed.stdout
     net = MechanismConfig.model_validate(read_info(out / "model", ReasonerInfo).config).net
     assert (net.unsteady, net.rising, net.unseen, net.changes, net.worlds) == (False, True, True, True, ("paper",))
+    assert net.families
 
 
 def test_without_labels_nothing_is_wanted_that_they_teach(data: Path) -> None:
     plain = suited(MechanismConfig(labels="pictures"), [Dataset.open(data)]).net
-    assert not (plain.changes or plain.unseen or plain.rising or plain.unsteady)
+    assert plain.families and not (plain.changes or plain.unseen or plain.rising or plain.unsteady)
+    each = MechanismConfig(labels="pictures", net=MechanismNetConfig(families=False))
+    assert not suited(each, [Dataset.open(data)]).net.families
     wanting = MechanismConfig(labels="pictures", net=MechanismNetConfig(rising=True))
     with pytest.raises(UsageError, match=r"net.rising=true: only labels teach that"):
         suited(wanting, [Dataset.open(data)])

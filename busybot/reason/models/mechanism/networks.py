@@ -25,9 +25,9 @@ from torch.nn.functional import logsigmoid
 from busybot.reason.models.mechanism.changes import KINDS as CHANGES
 from busybot.reason.models.mechanism.changes import Changes, changes_of
 from busybot.reason.models.mechanism.config import MechanismNetConfig
-from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, Trace, explanations_of, layout
+from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, REMEMBERED, Trace, explanations_of, layout
 from busybot.reason.models.mechanism.evidence import EVIDENCE, SCALE, WITNESSES, evidence_of
-from busybot.reason.models.mechanism.rising import Rising, alike_of, explained, ways_of
+from busybot.reason.models.mechanism.rising import Rising, alike_of, explained, lawful, ways_of
 from busybot.reason.models.mechanism.unseen import Unseen
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
@@ -169,6 +169,13 @@ KINDS = len(MEMORIES) * (INPUTS + 1)
 """Memories by number of inputs."""
 
 
+def families() -> list[int]:
+    """Of each of `KINDS` a number, the same where only how late inputs show differs, or in which way presses count."""
+    alike = [(one.what, one.delay > 0, one.own) for one in REMEMBERED]
+    distinct = list(dict.fromkeys(alike))
+    return [len(distinct) * inputs + distinct.index(one) for inputs in range(INPUTS + 1) for one in alike]
+
+
 def world_number(config: MechanismNetConfig, name: str) -> int:
     """Of a world that may be told, 0 for others."""
     return config.worlds.index(name) + 1 if name in config.worlds else 0
@@ -251,10 +258,14 @@ class MechanismNet(nn.Module):
             that another mechanism than at first decides a responder, None if it does not say so.
     """
 
+    known: Tensor
+
     def __init__(self, config: MechanismNetConfig):
         super().__init__()
         self.config, width = config, config.width
-        self.kind = nn.Linear(KINDS, width, bias=False)
+        known = families() if config.families else list(range(KINDS))
+        self.register_buffer("known", torch.tensor(known), persistent=False)
+        self.kind = nn.Linear(max(known) + 1, width, bias=False)
         heard = EVIDENCE + 1 + config.rising
         self.evidence = nn.Linear(heard, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
@@ -267,7 +278,7 @@ class MechanismNet(nn.Module):
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
         self.unsteady = nn.Linear(1, width, bias=False) if config.unsteady else None
-        self.prior = nn.Linear(KINDS, len(config.worlds) + 1, bias=False)
+        self.prior = nn.Linear(max(known) + 1, len(config.worlds) + 1, bias=False)
         odds = 2 * len(CHANGES) * (1 + config.unsteady) + config.unsteady
         self.change, self.odds = mlp(2 * width + odds, width, 1), nn.Linear(odds, 1, bias=False)
         self.anew = nn.Linear(width, 1)
@@ -279,9 +290,10 @@ class MechanismNet(nn.Module):
         """See above."""
         whose, node = _Whose.of(graph), graph["explanation"]
         matters, there, back = self.witnesses(graph["explanation", "reads", "candidate"].witnesses).chunk(3, -1)
-        prior = SCALE * self.prior.weight[whose.world[whose.owner], node.kind][:, None]
-        evidence = self._evidence(graph, whose)
-        token = self._tokens(graph, whose, evidence, matters)
+        kind = self.known[node.kind]
+        prior = SCALE * self.prior.weight[whose.world[whose.owner], kind][:, None]
+        evidence = self._evidence(graph, whose, prior)
+        token = self._tokens(graph, whose, kind, evidence, matters)
         rough = prior + (self.rough(token) + self.straight(evidence))[..., 0]
         first = self._shares(rough + self.sharpness * node.evidence[..., 0], node, whose.owner)
         weight = first.exp()
@@ -299,21 +311,23 @@ class MechanismNet(nn.Module):
         told = shares + logsigmoid(-change)[whose.owner], anew + logsigmoid(change)[whose.owner]
         return torch.logaddexp(*told), first, change
 
-    def _evidence(self, graph: HeteroData, whose: "_Whose") -> Tensor:
+    def _evidence(self, graph: HeteroData, whose: "_Whose", prior: Tensor) -> Tensor:
         """What was counted of the explanations, (X, K, EVIDENCE + 1), and, if the network hears it, how much more
         probable they are for which way round links seem to be."""
-        told = graph["explanation"].evidence[..., :-1]
+        node = graph["explanation"]
+        told = node.evidence[..., :-1]
         if not self.config.rising:
             return torch.as_tensor(told)
         read, ways = whose.input[whose.target], graph["explanation", "reads", "candidate"].ways
-        alike = graph["explanation"].evidence[..., -1]
-        rising = explained(graph["input"].rising, read, whose.source, ways, alike)
+        ratio = explained(graph["input"].rising, read, whose.source, ways, node.evidence[..., -1])
+        counted = self._shares(prior + self.sharpness * node.evidence[..., 0], node, whose.owner)
+        rising = lawful(ratio, counted.detach().exp(), whose.owner, whose.board, whose.boards)
         return torch.cat([told, rising[..., None]], -1)
 
-    def _tokens(self, graph: HeteroData, whose: "_Whose", evidence: Tensor, matters: Tensor) -> Tensor:
+    def _tokens(self, graph: HeteroData, whose: "_Whose", kind: Tensor, evidence: Tensor, matters: Tensor) -> Tensor:
         """What is known of each explanation by itself, (X, K, width): its kind, the board, what was counted of it, and
         of the inputs that it reads."""
-        known = self.kind.weight.T[graph["explanation"].kind] + self.world.weight.T[whose.world[whose.owner]]
+        known = self.kind.weight.T[kind] + self.world.weight.T[whose.world[whose.owner]]
         if self.unsteady is not None:
             known = known + self.unsteady(graph["board"].unsteady[whose.board][whose.owner, None])
         mattering = scatter(matters.relu(), whose.source, dim_size=whose.explanations, reduce="sum")

@@ -24,6 +24,7 @@ from busybot.reason.models.mechanism.contexts import (
     layout,
     memories,
 )
+from busybot.reason.pyg import scatter
 
 FORM = 10
 """Numbers of a form: direction in which a link was pushed from its lowest number to its highest (3), outlines
@@ -137,6 +138,23 @@ def ways_of(links: int, responders: int) -> np.ndarray:
         ways = REMEMBERED[known.memory[number]].ways
         told += [-1 if way else 1 for way in ways] or [0] * int(row.sum())
     return np.array(told, int)
+
+
+def lawful(ratio: Tensor, shares: Tensor, owner: Tensor, board: Tensor, boards: int) -> Tensor:
+    """Logarithms of how much more probable explanations are, float (X, K), if it is as likely as not that a board's
+    mechanisms follow the law at all: what explains its other responders tells that.
+
+    Args:
+        ratio: (X, K), as of `explained`, where they follow it.
+        shares: (X, K), how probable explanations are without it.
+        owner: (X,), the responder that an explanation explains, of R.
+        board: (R,), the board of a responder.
+        boards: how many there are.
+    """
+    own = scatter(shares * ratio.exp(), owner, dim_size=len(board), reduce="sum").log()
+    others = scatter(own, board, dim_size=boards, reduce="sum")[board] - own
+    odds = others[owner]
+    return torch.logaddexp(ratio + logsigmoid(odds), logsigmoid(-odds))
 
 
 def explained(rising: Tensor, read: Tensor, source: Tensor, ways: Tensor, alike: Tensor) -> Tensor:

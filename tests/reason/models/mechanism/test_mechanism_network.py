@@ -26,7 +26,13 @@ from busybot.reason.models.mechanism.contexts import (
     explanations_of,
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
-from busybot.reason.models.mechanism.networks import BoardFacts, MechanismNet, explanation_graph, parents_of
+from busybot.reason.models.mechanism.networks import (
+    BoardFacts,
+    MechanismNet,
+    explanation_graph,
+    families,
+    parents_of,
+)
 from busybot.reason.models.mechanism.training import learner
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards
 from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf
@@ -256,6 +262,29 @@ def test_what_a_world_makes_probable_is_so_where_it_is_told_alone(gates: list[La
         net.prior.weight[1, of_pairs] += 1
     after = [share(world) for world in range(3)]
     assert after[1] > before[1] + 0.1 and [after[0], after[2]] == [before[0], before[2]]
+
+
+def test_what_is_learned_of_effects_that_come_late_holds_however_late_they_come(gates: list[LabelledTrace]) -> None:
+    """Training boards have one delay alone."""
+    net, trace = MechanismNet(MechanismNetConfig(families=True)), gates[0].trace
+    late = [MEMORIES.index(f"late {actions}") + len(MEMORIES) for actions in range(4)]
+    presses = [MEMORIES.index(f"odd presses {way}") + len(MEMORIES) for way in ("up", "down")]
+    alike = families()
+    assert alike[late[1]] == alike[late[2]] == alike[late[3]] != alike[late[0]]
+    assert alike[presses[0]] == alike[presses[1]] != alike[presses[0] + len(MEMORIES)], (
+        "of two links it is another kind"
+    )
+    assert len(set(alike)) == int(net.kind.weight.shape[1]) == max(alike) + 1
+
+    def share(kind: int) -> float:
+        graph = Batch.from_data_list([explanation_graph(trace, [3])])
+        return float(net(graph)[0].exp()[graph["explanation"].kind == kind].detach().sum())
+
+    before = [share(kind) for kind in late]
+    with torch.no_grad():
+        net.prior.weight[0, alike[late[1]]] += 1
+    after = [share(kind) for kind in late]
+    assert after[0] < before[0] and all(now > was for now, was in zip(after[1:], before[1:], strict=True))
 
 
 def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> None:

@@ -19,6 +19,7 @@ from busybot.reason.models.mechanism.rising import (
     alike_of,
     explained,
     forms_of,
+    lawful,
     odds_of,
     ways_of,
 )
@@ -125,6 +126,23 @@ def test_explanations_are_as_probable_as_the_way_round_that_they_need() -> None:
     assert float(same[pressed]) == pytest.approx(np.log(2 / (1 + np.exp(-2)))) and told(-2, 0)[pressed] < -1
     expected = 2 * np.log(2) - np.log1p(np.exp(-2)) - np.log1p(np.exp(-2))
     assert float(opposite[of_last]) == pytest.approx(expected)
+
+
+def test_a_board_is_heard_as_far_as_its_other_responders_follow_the_law() -> None:
+    """Two boards, of three responders and of one; two explanations each, between which what was counted decides."""
+    owner, of = torch.arange(8) // 2, torch.tensor([0, 0, 0, 1])
+    ratio = torch.tensor([1.8, 0.2] * 4).log()[:, None]
+
+    def heard(*sure: float) -> torch.Tensor:
+        shares = torch.tensor([one for first in sure for one in (first, 1 - first)])[:, None]
+        return lawful(ratio, shares, owner, of, 2).exp()[:, 0]
+
+    half = 0.5 * ratio.exp()[:2, 0] + 0.5
+    assert torch.allclose(heard(0.5, 1, 0, 0)[6:], half), "alone, nobody knows whether it does"
+    follow, against = heard(0.5, 1, 1, 1)[:2], heard(0.5, 0, 0, 1)[:2]
+    assert follow[0] > half[0] > against[0] > 1 and follow[1] < half[1] < against[1] < 1
+    odds = 1.8 * 0.2
+    assert float(heard(0.5, 1, 0, 1)[0]) == pytest.approx((1.8 * odds + 1) / (odds + 1))
 
 
 def test_a_network_hears_which_way_round_links_are_if_it_is_to() -> None:

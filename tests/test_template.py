@@ -12,10 +12,12 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "extending" / "template.md").read_text(encoding="utf-8")
+SEEN = ["--set", "render.width=160", "--set", "render.height=120", "--workers", "1"]
 SMALL = {
-    "collect": ["--set", "render.width=160", "--set", "render.height=120", "--workers", "1"],
-    "features": ["--workers", "1"],
-    "eval": ["--workers", "1"],
+    "collect boards": SEEN,
+    "features boards": ["--workers", "1"],
+    "eval reason": ["--workers", "1"],
+    "eval plan": SEEN,
 }
 
 
@@ -38,7 +40,7 @@ def test_what_the_page_says(tmp_path: Path) -> None:
     told = {}
     for command in re.findall(r"^    busybot (.*)$", PAGE, re.MULTILINE):
         words = command.split()
-        done = run(*words, *SMALL.get(words[0], ()), "--json")
+        done = run(*words, *SMALL.get(" ".join(words[:2]), ()), "--json")
         assert done.returncode == 0, f"{command}: {done.stderr}"
         told[" ".join(words[:2])] = json.loads(done.stdout)
     lines = (tmp_path / "boards" / "boards" / "boards-00000.jsonl").read_text().splitlines()

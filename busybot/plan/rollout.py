@@ -68,11 +68,11 @@ def check_pictures(dataset: Dataset, render: RenderConfig, place: str = "render"
     """
     collect = dataset.info.collect
     recorded, asked = collect.look() if collect else {}, with_unsaid(render.model_dump(mode="json"))
-    for name in sorted(recorded.keys() & asked.keys()):
-        if recorded[name] != asked[name]:
-            told, now = json.dumps(recorded[name]), json.dumps(asked[name])
-            what = f"{dataset.path}: its histories were recorded with render.{name} {told}, not {now}"
-            raise BusybotError(what, f"--set {shlex.quote(f'{place}.{name}={told}')}")
+    differing = [name for name in sorted(recorded.keys() & asked.keys()) if recorded[name] != asked[name]]
+    if differing:
+        told = [f"render.{name} {json.dumps(recorded[name])}, not {json.dumps(asked[name])}" for name in differing]
+        again = [f"--set {shlex.quote(f'{place}.{name}={json.dumps(recorded[name])}')}" for name in differing]
+        raise BusybotError(f"{dataset.path}: its histories were recorded with {'; '.join(told)}", " ".join(again))
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,7 @@ def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:
     check_pictures(dataset, seen)
     for other, problem in (
         (seen.model_copy(update={"width": 640}), "render.width 320, not 640\n  hint: --set render.width=320"),
+        (seen.model_copy(update={"width": 640, "height": 240}), "hint: --set render.height=480 --set render.width=320"),
         (RenderConfig(width=320), r"render.camera {.*}, not {}\n  hint: --set 'render.camera={\"blur\": 0.8, "),
         (seen.model_copy(update={"randomise": Randomise(fov=0.1)}), "hint: --set 'render.randomise={}'"),
     ):

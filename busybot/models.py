@@ -15,7 +15,7 @@ from safetensors import SafetensorError, safe_open
 from busybot.common.atomic_io import RESTORE, inside, open_regular, regular_files, sha256_of
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.limits import MAX_WEIGHTS_BYTES
-from busybot.training.model_cards import INFO_FILE, SHIPPED, Hashes, Training, find_folder, read_info
+from busybot.training.model_cards import INFO_FILE, SHIPPED, Hashes, Training, find_folder, read_info, rounds_of
 
 if TYPE_CHECKING:
     from busybot.interact.affordance.fast import AffordanceModel
@@ -153,9 +153,6 @@ def describe_model(folder: Path) -> ModelDescription:
     card, skill, kind = _card(folder)
     training, shipped, readme = card.training, folder.parent in SHIPPED.values(), folder / CARD_FILE
     told = {key: value for key, value in training.items() if key not in NOT_FIGURES}
-    rounds = training.get("rounds", [])
-    if isinstance(rounds, dict):  # the paper's training tells of all together
-        rounds = [rounds | {"content_hash": rounds.get("content_sha256")}]
     return ModelDescription(
         name=_name(folder),
         skill=skill,
@@ -166,7 +163,7 @@ def describe_model(folder: Path) -> ModelDescription:
         parameters=sum(_values(path) for path in sorted(folder.glob(f"*{WEIGHTS}"))),
         hashes=card.files,
         seed=training.get("seed"),
-        data=[*rounds, *training.get("data", [])],
+        data=[*rounds_of(training.get("rounds", [])), *training.get("data", [])],
         figures={**training.get("validation", {}), **told},
         versions=training.get("versions", {}),
         licence=training.get("licence") or ("MIT" if shipped else None),

@@ -1,4 +1,4 @@
-"""`python tools/screenshots.py`: pictures of the viewer, and of others' tools that show recordings, for the docs.
+"""`python -m tools.screenshots`: pictures of the viewer, and of others' tools that show recordings, for the docs.
 
 Real programs, nothing drawn after: busybot's view of a board of gates, Foxglove Studio 1.48 (the last open one, as npm
 has it) with the layout of docs/reference, Rerun's viewer with a recording alone, and an exported table as `datasets`
@@ -20,6 +20,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from benchmarks.runner import busybot
 from busybot.view.viewer_process import save_screenshot
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -122,10 +123,6 @@ def viewer(folder: Path, picture: Path) -> None:
     busybot("generate", boards, "--world", "gates", "--boards", "1", "--split", "novel-config", "--seed", "5")
     busybot("collect", boards, "--policy", "scripted")
     busybot("view", boards, "--reasoner", "mechanism", "--screenshot", str(picture))
-
-
-def busybot(*words: str) -> None:
-    subprocess.run([sys.executable, "-m", "busybot", *words, "--quiet"], check=True)
 
 
 def foxglove(place: Path, picture: Path) -> None:

@@ -71,13 +71,16 @@ def interacted(folder: Path, policy: str, assets: str, out: Path) -> dict[str, A
     }
 
 
-def related(folder: Path, assets: str, work: Path) -> Mapping[str, Any]:
-    """Precision and recall of relations by each reasoner, after all actions of the scripted policy."""
+def related(folder: Path, assets: str, work: Path, models: Mapping[str, dict[str, str]]) -> Mapping[str, Any]:
+    """Precision and recall of relations by each reasoner, after all actions of the scripted policy.
+
+    Args:
+        models: hashes of the files of those that are trained.
+    """
     runner.busybot("collect", str(folder), "--policy", "scripted", "--steps", str(STEPS), "--assets", assets)
     rows = {}
     for reasoner in REASONERS:
-        weights = digest_of(file_hashes(find_folder(reasoner, "reason"))) if reasoner in TRAINED else "none"
-        out = work / f"reasoned-{reasoner}-{weights}.json"
+        out = work / f"reasoned-{reasoner}-{digest_of(models.get(reasoner, {}))}.json"
         done = read_json(out) if out.exists() else runner.busybot(
             "eval", "reason", str(folder), "--reasoner", reasoner, "--assets", assets, "--out", str(out)
         )  # fmt: skip
@@ -101,8 +104,8 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
         rows[name] = {
             policy: interacted(folder, policy, assets, options.work / f"{folder.name}-{policy}") for policy in POLICIES
         }
-    relations = related(options.work / "new", str(library), options.work)
     models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
+    relations = related(options.work / "new", str(library), options.work, models)
     models["procedural"] = file_hashes(find_folder("procedural", "interact"))
     figures = {"drawn": options.drawn, "boards": options.boards, "rows": rows, "relations": relations}
     return runner.finish(KIND, options, figures, hashes={"models": models, "data": data})

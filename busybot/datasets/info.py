@@ -74,12 +74,17 @@ class CollectInfo(FrozenModel):
 
     def look(self) -> dict[str, Any]:
         """How the simulator's boards were looked at, with what JSON leaves out; empty for what was not simulated."""
-        return with_unsaid(self.group("render")) if self.group("render") else {}
+        found = self.group("render")
+        return with_unsaid(found) if found else {}
+
+
+UNSAID: dict[str, Any] = {"camera": {}, "randomise": {}}
+"""Groups that are left out of the JSON of render settings where they say nothing."""
 
 
 def with_unsaid(render: dict[str, Any]) -> dict[str, Any]:
-    """The JSON of render settings with the groups that are left out of it where they say nothing."""
-    return {"camera": {}, "randomise": {}} | render
+    """The JSON of render settings with what is left out of it."""
+    return UNSAID | render
 
 
 class DatasetInfo(FrozenModel):
@@ -129,7 +134,7 @@ def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> 
     command += " --until-known" if collect.group("chooser").get("until_known") else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
     look = collect.look()
-    for group in ("camera", "randomise"):
+    for group in UNSAID:
         command += f" --set {shlex.quote(f'render.{group}={json.dumps(look[group])}')}" if look.get(group) else ""
     responders = collect.settings.get("responders", True)
     return command + ("" if responders else f" --set responders={json.dumps(responders)}")

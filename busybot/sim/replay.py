@@ -25,6 +25,7 @@ from busybot.boards.task import start_states
 from busybot.boards.worlds import links_of
 from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError, naming
+from busybot.common.frozen_model import first_fault
 from busybot.common.process_pool import run_tasks
 from busybot.episodes.codec import LazyImages, encode_rgb
 from busybot.episodes.episode import Episode, Image, Step
@@ -263,7 +264,5 @@ def _parameters(model: type[Config], values: Any, what: str) -> Config:
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        fault = f"the recording's settings, {what}: {place}: {first['msg']}"
+        fault = f"the recording's settings, {what}: {first_fault(error)}"
         raise BusybotError(fault, OTHER_RECORDINGS) from None

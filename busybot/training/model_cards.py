@@ -157,6 +157,11 @@ def write_info(folder: Path, info: BaseModel, weights: Iterable[Path]) -> None:
     write_json(folder / INFO_FILE, {**info.model_dump(mode="json"), "files": hashes}, folder.parent)
 
 
+def rounds_of(value: Any) -> Any:
+    """What a training tells of its rounds, one by one; the paper's tells of all together, with one hash for them."""
+    return [value | {"content_hash": value.get("content_sha256")}] if isinstance(value, dict) else value
+
+
 def file_hashes(folder: Path) -> dict[str, str]:
     """SHA-256 of every file of a model's folder, by name."""
     files = sorted(path for path in folder.iterdir() if path.is_file())

@@ -193,7 +193,6 @@ def store_recordings(
     Raises:
         BusybotError: naming file and line, if something contradicts itself; or something is at `out`.
     """
-    refuse_taken(out.absolute())
     return store_episodes(out, *_made(source, recordings, out.absolute().name), progress)
 
 

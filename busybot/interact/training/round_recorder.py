@@ -18,7 +18,7 @@ from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import collect_command, with_unsaid
+from busybot.datasets.info import UNSAID, collect_command, with_unsaid
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import RecordConfig
@@ -138,7 +138,7 @@ def _named(settings: dict[str, Any]) -> dict[str, Any]:
     """Settings by dotted names; the groups that JSON leaves out where they say nothing are there, as wholes."""
     render = settings.get("render")
     groups = with_unsaid(render) if isinstance(render, dict) else {}
-    return flat(settings) | {f"render.{name}": groups[name] for name in ("camera", "randomise") if groups}
+    return flat(settings) | {f"render.{name}": groups[name] for name in UNSAID if groups}
 
 
 def draw_training(out: Path, batches: str, below: Callable[[Kind, Lines], Panel]) -> None:

@@ -23,6 +23,7 @@ from busybot.common.atomic_io import write_new
 from busybot.common.device import AUTO, chosen, gpu, gpus
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.datasets.info import UNSAID
 from busybot.episodes.camera import project
 from busybot.episodes.episode import Camera
 from busybot.objects.model import ObjectModel
@@ -192,7 +193,7 @@ class RenderConfig(FrozenModel):
 
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return without(handler(self), {"camera": {}, "randomise": {}})
+        return without(handler(self), UNSAID)
 
     def of_board(self, spec: BoardSpec) -> "RenderConfig":
         """How this board is looked at: by its own camera if it has one, else with the pose and the field of view that

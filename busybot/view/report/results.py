@@ -12,10 +12,12 @@ from pydantic import BeforeValidator, Field, ValidationError, field_validator, m
 
 from busybot.common.atomic_io import read_json, regular_files, sha256_of
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
 from busybot.common.text import unlinked
 from busybot.evaluation.reference_tables import BOUND_SLACK, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import KINDS, read_result
 from busybot.evaluation.statistics import Interval, widest
+from busybot.training.model_cards import rounds_of
 from busybot.view.report.page import number, spread
 from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
 
@@ -124,9 +126,8 @@ class _Training(ResultFile):
 
     @field_validator("rounds", mode="before")
     @classmethod
-    def _all_epochs(cls, value: Any) -> Any:
-        """The paper's training tells of all its rounds together."""
-        return [value] if isinstance(value, dict) else value
+    def _one_by_one(cls, value: Any) -> Any:
+        return rounds_of(value)
 
 
 class _Row(ResultFile):
@@ -346,9 +347,7 @@ def _read(results: Results, file: Path, named: bool) -> None:
     try:
         shown = _take(results, file, value)
     except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"]))
-        raise BusybotError(f"{file}: {place}: {first['msg']}", "make the result again") from None
+        raise BusybotError(f"{file}: {first_fault(error)}", "make the result again") from None
     if shown:
         results.files[str(file)] = sha256_of(file)
     elif named:

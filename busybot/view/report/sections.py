@@ -139,8 +139,7 @@ def _origins(found: RowFound) -> list[str]:
     lines = []
     for training in found.trainings:
         data = [*training["rounds"], *training["data"]]
-        contents = [entry.get("content_hash") or entry.get("content_sha256") for entry in data]
-        hashes = ", ".join(f"`{str(one)[:16]}`" for one in contents if one)
+        hashes = ", ".join(f"`{str(entry['content_hash'])[:16]}`" for entry in data if entry.get("content_hash"))
         seed = "" if training["seed"] is None else f"seed {training['seed']}"
         told = ", ".join(filter(None, (seed, hashes and f"content of its data {hashes}")))
         lines += [f"training: {told}"] if told else []

@@ -258,14 +258,14 @@ class MechanismNet(nn.Module):
             that another mechanism than at first decides a responder, None if it does not say so.
     """
 
-    known: Tensor
+    family: Tensor
 
     def __init__(self, config: MechanismNetConfig):
         super().__init__()
         self.config, width = config, config.width
-        known = families() if config.families else list(range(KINDS))
-        self.register_buffer("known", torch.tensor(known), persistent=False)
-        self.kind = nn.Linear(max(known) + 1, width, bias=False)
+        family = families() if config.families else list(range(KINDS))  # of each kind; each is its own otherwise
+        self.register_buffer("family", torch.tensor(family), persistent=False)
+        self.kind = nn.Linear(max(family) + 1, width, bias=False)
         heard = EVIDENCE + 1 + config.rising
         self.evidence = nn.Linear(heard, width)
         self.token = nn.Sequential(nn.ReLU(), nn.Linear(width, width), nn.ReLU(), nn.Linear(width, width))
@@ -278,7 +278,7 @@ class MechanismNet(nn.Module):
         self.final = mlp(4 * width, width, 1)
         self.world = nn.Linear(len(config.worlds) + 1, width, bias=False)
         self.unsteady = nn.Linear(1, width, bias=False) if config.unsteady else None
-        self.prior = nn.Linear(max(known) + 1, len(config.worlds) + 1, bias=False)
+        self.prior = nn.Linear(max(family) + 1, len(config.worlds) + 1, bias=False)
         odds = 2 * len(CHANGES) * (1 + config.unsteady) + config.unsteady
         self.change, self.odds = mlp(2 * width + odds, width, 1), nn.Linear(odds, 1, bias=False)
         self.anew = nn.Linear(width, 1)
@@ -290,7 +290,7 @@ class MechanismNet(nn.Module):
         """See above."""
         whose, node = _Whose.of(graph), graph["explanation"]
         matters, there, back = self.witnesses(graph["explanation", "reads", "candidate"].witnesses).chunk(3, -1)
-        kind = self.known[node.kind]
+        kind = self.family[node.kind]
         prior = SCALE * self.prior.weight[whose.world[whose.owner], kind][:, None]
         evidence = self._evidence(graph, whose, prior)
         token = self._tokens(graph, whose, kind, evidence, matters)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from statistics import median
 
 import psutil
 import pytest
@@ -36,18 +37,18 @@ def test_memory_is_bounded() -> None:
     code = "from tests.sim.scene.test_asset_cache import growth; print(growth())"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout) < 60, "each object takes about 6 MB, and each board brings some that are new"
+    assert float(done.stdout) < 100, "each object takes about 6 MB: without a bound, 200 MB come to it"
 
 
 def growth() -> float:
-    """MB that 18 boards more take, if 10 objects are kept."""
+    """MB that come with 40 boards more, if 10 objects are kept: medians, as single boards come with large objects."""
     library, resident = find("procedural"), []
     simulator = Simulator(library, SMALL)
     builders.KEPT = 10
-    for board in generate_boards(BoardConfig(boards=24, group_size=1), library):
+    for board in generate_boards(BoardConfig(boards=60, group_size=1), library):
         simulator.board(board).observe()
         resident.append(psutil.Process().memory_info().rss / 1e6)
-    return resident[-1] - resident[5]
+    return median(resident[-10:]) - median(resident[10:20])
 
 
 def test_pictures_are_the_same_whatever_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,6 @@
-"""What a file from outside may cost at most: everything that reads such files takes its limits from here.
+"""What a recording, a dataset, a report, or a model from outside may cost at most.
+
+Limits of objects' files, of configurations, and of what comes through a pipe or a server stand beside what reads those.
 
 `docs/reference/limits.md` has the table, which is made of this module (`python -m tools.docs`).
 """

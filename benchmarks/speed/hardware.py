@@ -26,7 +26,7 @@ import json
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count, takewhile
 from pathlib import Path
@@ -222,11 +222,12 @@ def event_iteration(iterations: int) -> float:
 
 def judged_board(iterations: int) -> float:
     """Seconds that the `paper` model of relations takes to judge a board."""
-    [board] = made_up(1)
+    [made] = made_up(1)
     reasoner = PaperReasoner(make_network(PaperReasonConfig(), SEED).to(device()), "random")
     first = IMAGES - 1
 
     def judge() -> None:
+        board = replace(made)  # of which nothing was inferred yet
         reasoner.graph(board.first(IMAGES))
         for images in CURVE:
             asked = (board.features[first:-1], board.actions[first:], board.acted[first:])

@@ -106,10 +106,6 @@ class PaperNetwork(nn.Module):
             partial(self.predict, boards.edge_index, relations=relations), boards, images, roll
         ), relations
 
-    def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
-        """Features after each frame's action, (M, S, 256), with the graph of the observed frames."""
-        return self.predict(edge_index, frames, self.infer(edge_index, observed))
-
     def infer(self, edge_index: Tensor, frames: Frames, noise: Tensor | None = None) -> Relations:
         """Relations from observed frames.
 
@@ -254,13 +250,22 @@ class PaperReasoner:
             torch.from_numpy(np.array(actions, np.float32)).to(features)[None],
             torch.from_numpy(np.array(acted, np.int64)).to(features.device)[None],
         )
-        predicted = self.network.foresee(boards.edge_index, boards.observed(seen.steps + 1), frames)  # (M, S, 256)
+        predicted = self._foreseen(seen, boards, frames)
         after[:, seen.responders] = predicted.transpose(0, 1).cpu().numpy()[:, np.flatnonzero(seen.responders)]
         return after
 
+    def _foreseen(self, seen: BoardSequence, boards: Boards, frames: Frames) -> Tensor:
+        """Features after each frame's action, (M, S, 256); relations are inferred once, an agent asks at every step."""
+        network, observed = self.network, boards.observed(seen.steps + 1)
+        if not isinstance(network, PaperNetwork):
+            return network.foresee(boards.edge_index, observed, frames)
+        relations = seen.once((self, "relations"), lambda: network.infer(boards.edge_index, observed))
+        return network.predict(boards.edge_index, frames, relations)
+
     def board_of(self, seen: BoardSequence) -> Boards:
         """One board, where the network is."""
-        return boards_of([seen], self.network.config).to(next(self.network.parameters()).device)
+        device = next(self.network.parameters()).device
+        return seen.once((self, "board"), lambda: boards_of([seen], self.network.config).to(device))
 
 
 def _matrix(boards: Boards, values: Tensor, seen: BoardSequence) -> np.ndarray:

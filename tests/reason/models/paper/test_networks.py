@@ -201,6 +201,14 @@ def test_a_step_is_predicted_from_its_own_frame_action_and_the_graph() -> None:
     assert changed[2] > 0 and changed[3] > 0 and not changed[[0, 1, 4]].any()
 
 
+def foreseen(network: PaperNetwork | PaperHistoryNetwork, boards: Boards, one: Frames) -> torch.Tensor:
+    """After four observed frames."""
+    observed = boards.observed(4)
+    if isinstance(network, PaperHistoryNetwork):
+        return network.foresee(boards.edge_index, observed, one)
+    return network.predict(boards.edge_index, one, network.infer(boards.edge_index, observed))
+
+
 @pytest.mark.parametrize("kind", [PaperNetwork, PaperHistoryNetwork])
 def test_rolled_out_each_step_begins_with_what_the_one_before_predicted(kind: type) -> None:
     network, boards = kind(SMALL).eval(), boards_of([watched(steps=8)], SMALL)
@@ -210,7 +218,7 @@ def test_rolled_out_each_step_begins_with_what_the_one_before_predicted(kind: ty
     for step in range(3):
         states = torch.cat([known, boards.positions[:, None]], -1)
         one = Frames(states, frames.actions[:, step : step + 1], frames.actors[:, step : step + 1])
-        after = network.foresee(boards.edge_index, boards.observed(4), one)
+        after = foreseen(network, boards, one)
         torch.testing.assert_close(rolled[:, step : step + 1], after)
         known = torch.where(boards.responders[:, None, None], after, known)
     torch.testing.assert_close(rolled[:, :1], network(boards, 4)[0][:, :1])  # the first one from its true frame

@@ -85,6 +85,17 @@ def test_predictions_are_those_of_the_training(reasoner: PaperReasoner) -> None:
     assert np.allclose(after[:, responders], expected[:, responders], atol=1e-5)
 
 
+def test_relations_of_a_history_are_inferred_once(reasoner: PaperReasoner, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An agent asks at every step."""
+    seen, inferred, infer = watched(triggers=2, responders=3, steps=8), [], PaperNetwork.infer
+    monkeypatch.setattr(PaperNetwork, "infer", lambda *told: inferred.append(1) or infer(*told))
+    known, current = seen.first(5), ahead(seen, 5)
+    once, again = (reasoner.predict(known, *current) for _ in range(2))
+    assert np.array_equal(once, again) and len(inferred) == 1
+    reasoner.predict(seen.first(6), *current)
+    assert len(inferred) == 2, "other images, other relations"
+
+
 @pytest.mark.parametrize(("triggers", "responders"), [(0, 3), (3, 0), (1, 1), (4, 8), (0, 0)])
 def test_any_number_of_objects_will_do(reasoner: PaperReasoner, triggers: int, responders: int) -> None:
     seen = watched(triggers=triggers or 1, responders=responders or 1, steps=4)

@@ -14,9 +14,9 @@ class MechanismNetConfig(FrozenModel):
     Attributes:
         width: of hidden layers.
         worlds: that may be told, by name; what is told of others is not heard. Training takes those of its recordings.
-        families: whether explanations that differ in how late inputs show, or in which way presses count, are of one
-            kind to it: what training boards teach of some holds for the others, which they may not have. Trainings
-            choose it.
+        families: whether explanations that differ in how late inputs show, or in which way presses count, or that are
+            by three inputs rather than two, are of one kind to it (`networks.families`): what training boards teach of
+            some holds for the others, which they may not have. Trainings choose it.
         changes: whether it says which mechanisms changed. This and the next three are what labels teach: training with
             labels chooses them, training without does without, unless they are given.
         unseen: whether it says how probable it is that links decide a responder that nobody saw moving.

@@ -169,11 +169,16 @@ KINDS = len(MEMORIES) * (INPUTS + 1)
 """Memories by number of inputs."""
 
 
+RARER = -3.0
+"""Log odds of explanations by three inputs to those by two of their family, which no training board tells."""
+
+
 def families() -> list[int]:
-    """Of each of `KINDS` a number, the same where only how late inputs show differs, or in which way presses count."""
-    alike = [(one.what, one.delay > 0, one.own) for one in REMEMBERED]
+    """Of each of `KINDS` a number, the same where only how late inputs show differs, in which way presses count,
+    whether it is their number or the time since, or whether inputs are two or three."""
+    alike = [("since" if one.what == "odd" else one.what, one.delay > 0, one.own) for one in REMEMBERED]
     distinct = list(dict.fromkeys(alike))
-    return [len(distinct) * inputs + distinct.index(one) for inputs in range(INPUTS + 1) for one in alike]
+    return [len(distinct) * min(inputs, 2) + distinct.index(one) for inputs in range(INPUTS + 1) for one in alike]
 
 
 def world_number(config: MechanismNetConfig, name: str) -> int:
@@ -259,12 +264,15 @@ class MechanismNet(nn.Module):
     """
 
     family: Tensor
+    rarer: Tensor
 
     def __init__(self, config: MechanismNetConfig):
         super().__init__()
         self.config, width = config, config.width
         family = families() if config.families else list(range(KINDS))  # of each kind; each is its own otherwise
         self.register_buffer("family", torch.tensor(family), persistent=False)
+        three = torch.arange(KINDS) // len(MEMORIES) > 2
+        self.register_buffer("rarer", RARER * (three & config.families), persistent=False)
         self.kind = nn.Linear(max(family) + 1, width, bias=False)
         heard = EVIDENCE + 1 + config.rising
         self.evidence = nn.Linear(heard, width)
@@ -291,7 +299,7 @@ class MechanismNet(nn.Module):
         whose, node = _Whose.of(graph), graph["explanation"]
         matters, there, back = self.witnesses(graph["explanation", "reads", "candidate"].witnesses).chunk(3, -1)
         kind = self.family[node.kind]
-        prior = SCALE * self.prior.weight[whose.world[whose.owner], kind][:, None]
+        prior = (SCALE * self.prior.weight[whose.world[whose.owner], kind] + self.rarer[node.kind])[:, None]
         evidence = self._evidence(graph, whose, prior)
         token = self._tokens(graph, whose, kind, evidence, matters)
         rough = prior + (self.rough(token) + self.straight(evidence))[..., 0]

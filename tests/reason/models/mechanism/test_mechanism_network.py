@@ -27,6 +27,7 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.networks import (
+    KINDS,
     BoardFacts,
     MechanismNet,
     explanation_graph,
@@ -274,6 +275,7 @@ def test_what_is_learned_of_effects_that_come_late_holds_however_late_they_come(
     assert alike[presses[0]] == alike[presses[1]] != alike[presses[0] + len(MEMORIES)], (
         "of two links it is another kind"
     )
+    assert alike[presses[0]] == alike[MEMORIES.index("since press up") + len(MEMORIES)], "a lasting effect of a press"
     assert len(set(alike)) == int(net.kind.weight.shape[1]) == max(alike) + 1
 
     def share(kind: int) -> float:
@@ -285,6 +287,23 @@ def test_what_is_learned_of_effects_that_come_late_holds_however_late_they_come(
         net.prior.weight[0, alike[late[1]]] += 1
     after = [share(kind) for kind in late]
     assert after[0] < before[0] and all(now > was for now, was in zip(after[1:], before[1:], strict=True))
+
+
+def test_three_inputs_are_like_two_but_rarer(gates: list[LabelledTrace]) -> None:
+    """No training board has such gates."""
+    of_pairs, of_three = (MEMORIES.index("late 0") + inputs * len(MEMORIES) for inputs in (2, 3))
+    net = MechanismNet(MechanismNetConfig(families=True))
+    assert net.family[of_pairs] == net.family[of_three]
+    assert (net.rarer != 0).nonzero().flatten().tolist() == list(range(3 * len(MEMORIES), KINDS))
+
+    def share() -> float:
+        graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3])])
+        return float(net(graph)[0].exp()[graph["explanation"].kind == of_three].detach().sum())
+
+    rare = share()
+    net.rarer.zero_()
+    assert 0 < rare < share() / 2
+    assert not MechanismNet(MechanismNetConfig()).rarer.any(), "models of before know nothing of it"
 
 
 def test_what_is_all_but_certain_stays_a_number(gates: list[LabelledTrace]) -> None:

@@ -1,6 +1,6 @@
-"""What a recording, a dataset, a report, or a model from outside may cost at most.
+"""What large files from outside may cost at most: recordings, tables, pictures, videos, weights.
 
-Limits of objects' files, of configurations, and of what comes through a pipe or a server stand beside what reads those.
+A limit that one reader alone needs stands beside it: of objects' files, configurations, manifests, and single values.
 
 `docs/reference/limits.md` has the table, which is made of this module (`python -m tools.docs`).
 """

@@ -167,8 +167,6 @@ def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
 
 KINDS = len(MEMORIES) * (INPUTS + 1)
 """Memories by number of inputs."""
-
-
 RARER = -3.0
 """Log odds of explanations by three inputs to those by two of their family, which no training board tells."""
 

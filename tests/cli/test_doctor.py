@@ -173,7 +173,8 @@ def test_a_report_for_a_bug_tells_the_machine_but_not_whose_it_is(tmp_path: Path
         cwd=home / "secret-project",
     )
     assert done.returncode == 0, done.stderr
-    for words in ("ada", "secret-project", "home of", "of mine", "hf_abc", str(tmp_path), sys.prefix, str(ROOT)):
+    private = ("lovelace", "secret-project", "home of", "of mine", "hf_abc")  # "ada" a hash may hold by chance
+    for words in (*private, str(tmp_path), sys.prefix, str(ROOT)):
         assert words not in done.stdout, words
     for words in ("| busybot | 0.1.0", platform.python_version(), "numpy ", "BUSYBOT_PARTNET_DIR", "What I did"):
         assert words in done.stdout

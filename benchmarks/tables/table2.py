@@ -145,7 +145,9 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         for split in SPLITS:
             if (dataset := data / row.judged / split).is_dir():
                 commands.append(("eval", "reason", str(dataset), "--reasoner", model, *judging))
-                judged.setdefault(split, []).append(_told(commands[-1], arguments.work / f"{name}-{seed}-{split}.json"))
+                judged.setdefault(split, []).append(
+                    answered(commands[-1], arguments.work / f"{name}-{seed}-{split}.json")
+                )
     return {
         "commands": [runner.as_typed(command, places) for command in commands],
         "training": trained,
@@ -153,7 +155,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _told(command: tuple[str, ...], out: Path) -> dict[str, Any]:
+def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
     """A judgement, or the one that an earlier run wrote by the same command."""
     if out.exists():
         known = json.loads(out.read_text())

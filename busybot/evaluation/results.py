@@ -46,6 +46,7 @@ KINDS = {
     "table1": "python -m benchmarks.tables.table1",
     "table2": "python -m benchmarks.tables.table2",
     "table3": "python -m benchmarks.tables.table3",
+    "whole-pipeline": "python -m benchmarks.tables.whole_pipeline",
     "worlds": "python -m benchmarks.tables.worlds",
     "kitchens": "python -m benchmarks.tables.kitchens",
     "new-switches": "python -m benchmarks.tables.new_switches",

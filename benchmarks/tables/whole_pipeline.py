@@ -1,12 +1,12 @@
 """The paper's pipeline from five seeds: each one's policy records, its reasoner learns from that, its agents plan.
 
     python -m benchmarks.tables.whole_pipeline --assets DIR --work FOLDER --out benchmarks/results/whole-pipeline.json
-        [--policies benchmarks/models/lean-free-0 ...] [--boards 300] [--judged 100] [--tasks 50]
+        [--policies benchmarks/models/lean-free-0 ...] [--boards 150] [--judged 100] [--tasks 30]
 
 In Tables 2 and 3 the seeds of reasoners and agents share the recordings of one policy. Here nothing that is learned is
 shared: seed N has the N-th policy, boards of its own to train on, on which that policy acts, the `event` model that is
 trained on them, and the histories of that policy on the boards that it is judged on. These, and the tasks, are the same
-for all seeds: the first boards of Table 2's novel sets, and Table 3's tasks.
+for all seeds: the first boards of Table 2's novel sets, and the first of Table 3's tasks.
 
 Every command resumes, so this one does: run it again with the same FOLDER after any interruption. A seed appears in the
 result as soon as it is judged.
@@ -87,9 +87,9 @@ def main(words: list[str]) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for recordings and models; continued if it exists")
     options.add_argument("--policies", nargs="+", default=list(POLICIES), help="trained policies, one for each seed")
-    options.add_argument("--boards", type=int, default=300, help="to train a reasoner on")
+    options.add_argument("--boards", type=int, default=150, help="to train a reasoner on")
     options.add_argument("--judged", type=int, default=100, help="boards of each novel split to judge it on")
-    options.add_argument("--tasks", type=int, default=50, help="in each cell of plans")
+    options.add_argument("--tasks", type=int, default=30, help="in each cell of plans")
     arguments = options.parse_args(words)
     result: dict[str, Any] = {
         "assets": runner.assets_name(arguments.assets),

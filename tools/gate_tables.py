@@ -12,7 +12,7 @@ from benchmarks.tables.world_gates import digest_of
 from busybot.common.errors import BusybotError
 from busybot.evaluation.statistics import binomial_interval
 from busybot.view.report.page import Grid, markdown, number, plain_grid
-from tools.tables import result, whole
+from tools.tables import reaching, result, whole
 
 _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 """Figures of each seed, by world and set."""
@@ -61,8 +61,7 @@ def _seeds_cell(values: list[float | None], gate: "_Gate") -> str:
     reached = sum(gate.reached(value) for value in known)
     worst = (min if gate.least else max)(known)
     spread = f" ({number(100 * worst)})" if len(known) > 1 else ""
-    verdict = "✓" if reached == len(values) else "✗" if not reached else f"{reached} of {len(values)}"
-    return f"{number(100 * sum(known) / len(known))}{spread} {verdict}"
+    return f"{number(100 * sum(known) / len(known))}{spread} {reaching(reached, len(values))}"
 
 
 @dataclass(frozen=True)

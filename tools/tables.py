@@ -2,14 +2,19 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
-from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, Table
+from benchmarks.tables.table2 import across
+from benchmarks.tables.table3 import OURS
+from busybot.common.errors import BusybotError
+from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import read_result
+from busybot.evaluation.statistics import widest
 from busybot.view.report.gates import judge
 from busybot.view.report.page import Text, markdown, number, plain_grid, spread
-from busybot.view.report.results import Results, RowFound, read_results, rows_of
+from busybot.view.report.results import Results, RowFound, Score, read_results, rows_of
 from busybot.view.report.sections import table_grid
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -125,6 +130,70 @@ def table3() -> str:
     rows = _table(3)[1]
     told = [Text(f"`{name}`: {_practised(one)}") for name, row in rows.items() for one in row.trainings]
     return markdown([table_grid(PLANNING, rows), *told])
+
+
+PIPELINE = (
+    ("actions that move something", INTERACTION, "free-0", "precision"),
+    ("links found", INTERACTION, "free-0", "recall"),
+    ("relations: precision", REASONING, "event", "edge_p"),
+    ("relations: recall", REASONING, "event", "edge_r"),
+    ("predicted steps, all responders right", REASONING, "event", "pred_a"),
+    *(
+        (f"goals reached, {kind}: `{agent}`", PLANNING, agent, kind)
+        for agent in ("search", "busybot")
+        for kind in KINDS
+    ),
+)
+"""Lines of the whole pipeline: words, and whose gate counts for which number."""
+
+
+def whole_pipeline() -> str:
+    """What each seed reaches with a policy, recordings, a reasoner and histories of its own.
+
+    Raises:
+        BusybotError: a seed's policy is not that of Table 1's row.
+    """
+    told, free = result("whole-pipeline")["rows"], result("table1")["rows"]
+    for seed, one in told.items():
+        if one["policy"]["model_sha256"] != free[f"free-{seed}"]["policy"]["model_sha256"]:
+            raise BusybotError(f"whole-pipeline: seed {seed} has another policy than Table 1", "run it again with that")
+    found = [_of_one_seed(free[f"free-{seed}"], one) for seed, one in told.items()]
+    lines = []
+    for (split, words), (what, table, name, key) in product(NOVEL.items(), PIPELINE):
+        row = next(row for row in table.rows if row.name == name)
+        lines.append((f"{words}: {what}", _seeds_cells(table, row, split, key, [one[name] for one in found])))
+    return markdown([plain_grid((*(f"seed {seed}" for seed in told), "mean", "gate"), lines, "percent")])
+
+
+def _of_one_seed(policy: dict[str, Any], seed: dict[str, Any]) -> dict[str, RowFound]:
+    """The rows of the three tables, of one seed's policy, reasoner and agents."""
+    relations = {split: {**across([one]), "seeds": [one]} for split, one in seed["relations"].items()}
+    agents = {
+        name: {"splits": {split: {kind: cell[name] for kind, cell in kinds.items()} for split, kinds in plans.items()}}
+        for plans in [seed["plans"]]
+        for name in OURS
+    }
+    return rows_of(1, {"free-0": policy}) | rows_of(2, {"event": {"splits": relations}}) | rows_of(3, agents)
+
+
+def _seeds_cells(table: Table, row: ReferenceRow, split: str, key: str, found: list[RowFound]) -> list[str]:
+    """Each seed, their mean with the widest interval over objects, and the gate with how many seeds reach it."""
+    scores = [one.cells[split, key] for one in found]
+    known = [one for one in scores if one is not None]
+    mean = Score(sum(one.value for one in known) / len(known), objects=widest(one.objects for one in known))
+    verdicts = [verdict for one in scores if (verdict := judge(table, row, split, key, one))]
+    reached = reaching(sum(one.reached is True for one in verdicts), len(scores))
+    gate = f"{verdicts[0].gate:g} {reached}" if verdicts else ""
+    return [
+        *("-" if one is None else number(one.value) for one in scores),
+        f"{number(mean.value)} {mean.spread}".rstrip(),
+        gate,
+    ]
+
+
+def reaching(seeds: int, of: int) -> str:
+    """How many seeds reach a gate."""
+    return "✓" if seeds == of else "✗" if not seeds else f"{seeds} of {of}"
 
 
 def plan_procedural() -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import runner
 from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
-from benchmarks.tables import table1, table2, table3
+from benchmarks.tables import table1, table2, table3, whole_pipeline
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
 from busybot.evaluation.folder import RESULT
@@ -191,3 +191,44 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     trained = [command for command in asked if command[0] == "train"]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
     assert "paper" in table1.ROWS and {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - table1.OTHER_CAMERA
+
+
+def test_each_seed_of_the_whole_pipeline_has_all_that_is_learned_to_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        row = dict.fromkeys(table3.DETAILS) | {"success": 0.5, "object_interval": None}
+        agents = dict.fromkeys(table3.OURS, row)
+        if arguments[0] == "train":
+            return {"training": {"seed": 0}, "out": "x", "model": "y"}
+        return scores(edge_p=0.9) | {"agents": agents, "timing": dict.fromkeys(table3.OURS, {})}
+
+    for module in (runner, table3):
+        monkeypatch.setattr(module, "busybot", answer)
+    monkeypatch.setattr(whole_pipeline, "origin", lambda options, split, kind: {})
+    policies = [tmp_path / name for name in ("p", "q")]
+    for folder in policies:
+        folder.mkdir()
+        (folder / "model.json").write_text(folder.name)
+    (tmp_path / "w").mkdir()
+    out = tmp_path / "told.json"
+    words = ["--work", f"{tmp_path}/w", "--out", str(out), "--boards", "2", "--judged", "1", "--tasks", "1"]
+    whole_pipeline.main([*words, "--policies", *map(str, policies)])
+    first, second = read_result(out, "whole-pipeline")["rows"].values()
+    assert first["policy"] != second["policy"] and first["training"].keys() == {"training", "cost"}
+    assert first["plans"]["novel-object"]["one-to-many"]["search"]["success"] == 0.5
+    collected = [words for words in asked if words[0] == "collect"]
+    for number, folder in enumerate(policies):
+        own = [words for words in collected if str(folder) in words]
+        assert len(own) == len(collected) / 2 and all(f"/w/{number}/" in words[1] for words in own)
+    trained = [words for words in asked if words[:2] == ("train", "reason")]
+    assert [words[words.index("--seed") + 1] for words in trained] == ["0", "1"]
+    drawn = {words[words.index("--seed") + 1] for words in asked if words[0] == "generate" and "train" in words}
+    assert drawn == {"611", "612"}, "each has training boards of its own"
+    judged = [words for words in asked if words[:2] == ("eval", "reason")]
+    reasoners = [words[words.index("--reasoner") + 1] for words in judged]
+    assert [Path(one).relative_to(tmp_path / "w").as_posix() for one in reasoners] == ["0/event"] * 2 + ["1/event"] * 2
+    assert "busybot collect WORK/novel-object --steps 30 --policy learned --model POLICY" in " ".join(first["commands"])

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.studies import splits as split_study
+from benchmarks.tables.table2 import SCORES
 from busybot.common.errors import BusybotError
 from tests.view.report.test_report import reasoned, table2
 from tools import docs, gate_tables, prose, provenance, speed_tables, tables, world_tables
@@ -97,6 +98,44 @@ def test_the_overview_shows_the_worst_seed_and_what_is_missed(results: Path) -> 
     assert rows["relations: recall"][0] == "missing"
     (results / "table2.json").write_text(json.dumps(table2(reasoned())))
     assert rows_of(tables.overview())["relations: recall"][0] == "98.5", "reached, as in a report: that is the bound"
+
+
+def test_a_seed_of_the_whole_pipeline_stands_beside_its_own_policy(results: Path) -> None:
+    kinds = dict.fromkeys(tables.KINDS, {"search": planned(1.0), "busybot": planned(0.75)})
+
+    def seed(policy: str, edge_p: float) -> dict[str, Any]:
+        scored = (
+            dict.fromkeys(SCORES)
+            | reasoned()
+            | {"edge_p": edge_p, "object_intervals": {"precision": [edge_p - 0.1, edge_p]}}
+        )
+        novel = ("novel-config", "novel-object")
+        return {
+            "policy": {"model_sha256": {"a": policy}},
+            "relations": dict.fromkeys(novel, scored),
+            "plans": dict.fromkeys(novel, kinds),
+        }
+
+    def acted(policy: str, precision: float) -> dict[str, Any]:
+        one = {"precision": precision, "recall": 1.0, "boards": 2, "intervals": {}, "dataset": {}}
+        return {"policy": {"model_sha256": {"a": policy}}, "novel-config": one, "novel-object": one}
+
+    put(results, "table1", "table1", rows={"free-0": acted("b", 0.99), "free-1": acted("c", 0.95)})
+    put(results, "whole-pipeline", "whole-pipeline", rows={"0": seed("b", 1.0), "1": seed("c", 0.98)})
+    rows = rows_of(tables.whole_pipeline())
+    assert rows["new configurations: actions that move something"] == ["99.0", "95.0", "97.0", "97 1 of 2"]
+    assert rows["new objects: relations: precision"] == ["100.0", "98.0", "99.0 [88.0-100.0]", "99 1 of 2"]
+    assert rows["new objects: goals reached, one-to-many: `search`"] == ["100.0", "100.0", "100.0 [50.0-100.0]", "92 ✓"]
+    assert rows["new objects: goals reached, one-to-many: `busybot`"] == ["75.0", "75.0", "75.0 [50.0-100.0]"], (
+        "no gate"
+    )
+    put(results, "whole-pipeline", "whole-pipeline", rows={"0": seed("c", 1.0)})
+    with pytest.raises(BusybotError, match="seed 0 has another policy"):
+        tables.whole_pipeline()
+
+
+def planned(success: float) -> dict[str, Any]:
+    return {"success": success, "seeds": [success], "object_interval": [0.5, 1.0]}
 
 
 def test_a_gate_of_worlds_is_reached_at_its_limit() -> None:

@@ -81,6 +81,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
         "world-gates": gate_tables.world_gates,
+        "calibration": gate_tables.calibration,
         "world-row": speed_tables.world_row,
         "further-gates": gate_tables.further_gates,
         "worlds": world_tables.worlds,

@@ -21,13 +21,24 @@ _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 def world_gates() -> str:
     """What trainings from several seeds reach on the validation sets and the test sets: each gate, and the figures that
     gates are about."""
+    told = _judged()
+    return markdown([_gates_grid(told), _figures_grid(told)])
+
+
+def calibration() -> str:
+    """How far beliefs of the same models are off on the same sets, after each number of images."""
+    return markdown([_calibration_grid(_judged())])
+
+
+def _judged() -> _Judged:
+    """The rows of the validation sets and of the test sets, all of the same models."""
     told: _Judged = {}
     files = [result(name)["rows"] for name in ("validation-gates", "world-gates")]
     for world in dict.fromkeys(world for rows in files for world in rows):
         for split, seeds in (cell for rows in files for cell in rows.get(world, {}).items()):
             told[world, split] = list(seeds.values())
     _check_judged(told)
-    return markdown([_gates_grid(told), _figures_grid(told)])
+    return told
 
 
 def _check_judged(told: _Judged) -> None:
@@ -116,7 +127,7 @@ def _figures_grid(told: _Judged) -> Grid:
     """Means of the seeds; behind F1 after 22 actions and mechanisms stand the lowest and the highest of them."""
     heads = (
         "boards", "seeds", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "of states that were seen (bound)",
-        "what if", "Pred-A", "rewirings found / placed", "false alarms a board", "ECE [by chance] (images)",
+        "what if", "Pred-A", "gap", "rewirings found / placed", "false alarms a board", "ECE [by chance] (images)",
     )  # fmt: skip
     lines = [(f"{world}, {split}", _reached(seeds)) for (world, split), seeds in told.items()]
     return plain_grid(heads, lines, "percent after 10 / 22 / 30")
@@ -132,6 +143,8 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
     mean = {key: whole(_mean([told[key] for told in rows])) for key in AVERAGED}
     known = _range([told["mechanism_accuracy"] for told in rows])
     alarms = _mean([told["rewired_false_alarms"] for told in rows])
+    known_both = [told for told in rows if None not in (told["pred_a"], told["mechanism_accuracy"])]
+    gap = _mean([told["pred_a"] - told["mechanism_accuracy"] for told in known_both])
     return [
         str(first["boards"]),
         str(len(rows)),
@@ -141,10 +154,31 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
         f"{mean['mechanism_accuracy_met']} ({mean['mechanism_bound_met']})",
         mean["what_if"],
         mean["pred_a"],
+        "-" if gap is None else f"{100 * gap:+.0f}",
         f"{mean['rewired_found']} / {mean['rewired_placed']}" if first["rewirings"] else "-",
         "-" if alarms is None else f"{alarms:.2f}",
         f"{whole(shown['ece_uncertain'])}{_by_chance(shown)} ({shown['images']})" if shown else "-",
     ]
+
+
+def _calibration_grid(told: _Judged) -> Grid:
+    """After each number of images the error over doubtful pairs: mean and worst of the seeds, and the fewest pairs that
+    one of them has; none where there are too few to tell."""
+    first = next(iter(told.values()))[0]
+    heads = tuple(f"{one['images']} images" for one in first["uncertain"])
+    lines = []
+    for (world, split), seeds in told.items():
+        cells = [_calibrated(list(after)) for after in zip(*(one["uncertain"] for one in seeds), strict=True)]
+        lines.append((f"{world}, {split}", cells))
+    return plain_grid(heads, lines, "points: mean (worst) of pairs")
+
+
+def _calibrated(after: list[dict[str, Any]]) -> str:
+    """Of the seeds after as many images; those with too few doubtful pairs have no error."""
+    fewest = min(one["uncertain_pairs"] for one in after)
+    errors = [100 * one["ece_uncertain"] for one in after if one["ece_uncertain"] is not None]
+    told = f"{number(sum(errors) / len(errors))} ({number(max(errors))})" if errors else "-"
+    return f"{told} of {fewest:,}"
 
 
 def _by_chance(told: dict[str, Any]) -> str:
@@ -195,22 +229,35 @@ def _mark(reached: bool) -> str:
 
 
 def _curious() -> Iterator[_Line]:
-    """How soon curiosity knows, against the exact observer's choice and against chance, and what is then wrong."""
+    """How soon curiosity knows, against the exact observer's choice and against chance, and what is then wrong.
+
+    Of drawn boards, whose states are told, and of recorded ones, where all choices act by the policy that finds links.
+    """
     rows, recorded = result("curiosity")["rows"], result("curiosity-recorded")["rows"]
     for world, parts in rows.items():
         for other, part, most in (("greedy", "greedy", 1.25), ("random", "drawn", 0.7)):
             own, against = (parts[part][choice] for choice in ("curious", other))
             told = _times(own["until"], against["until"], len(own["f1"]), most)
-            yield f"{world}: actions until 95, to those of {other} choice", (f"at most {most:g} times", told)
+            yield f"{world}, states told: actions until 95, to those of {other} choice", (_asked_times(most), told)
+    for world, parts in recorded.items():
+        own, against = (parts["recorded"][choice] for choice in ("curious", "learned"))
+        told = _times(own["until"], against["until"], len(own["f1"]), 0.7)
+        yield f"{world}, pictures: actions until 95, to those of a draw among known links", (_asked_times(0.7), told)
     stops = [parts["drawn"]["curious"]["stops"] for parts in rows.values()]
     count, wrong = (sum(one[key] for one in stops) for key in ("boards", "wrong"))
     low, high = binomial_interval(wrong, count) or (0.0, 1.0)
     shown = f"{wrong} of {count} ({100 * low:.0f}-{100 * high:.0f})"
-    yield _line("said to know and wrong, all worlds", _Gate("", wrong / count if count else None, 0.03, False), shown)
+    words = "said to know and wrong, of what was said, all worlds, states told"
+    yield _line(words, _Gate("", wrong / count if count else None, 0.03, False), shown)
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)
     told = "-" if dearest is None else f"{dearest:.0f} {_mark(dearest <= 150)}"
-    yield "CPU-ms of a curious action, simulation and all, dearest world", ("at most 150 a decision", told)
+    words = f"CPU-ms of a curious action, simulation and all, the dearest of {len(recorded)} worlds"
+    yield words, ("at most 150 a decision", told)
+
+
+def _asked_times(most: float) -> str:
+    return f"at most {most:g} times"
 
 
 def _times(own: int, other: int, most: int, limit: float) -> str:

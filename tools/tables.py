@@ -14,7 +14,7 @@ from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import widest
 from busybot.view.report.gates import judge
 from busybot.view.report.page import Text, markdown, number, plain_grid, spread
-from busybot.view.report.results import Results, RowFound, Score, read_results, rows_of
+from busybot.view.report.results import INTERVALS, Results, RowFound, Score, read_results, rows_of
 from busybot.view.report.sections import table_grid
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -287,11 +287,19 @@ def reason_procedural() -> str:
     """What the shipped model of relations does on procedural objects."""
     rows = []
     for split, told in result("reason-procedural")["splits"].items():
-        bounded = [f"{percent(told[key])} ({percent(told[f'{key}_bound'])})" for key in ("edge_r", "pred_a")]
+        names = {key: INTERVALS.get(key, key) for key in ("edge_p", "edge_r", "pred_a")}
+        within = {key: _over_objects(told["object_intervals"][name]) for key, name in names.items()}
+        bounded = [
+            f"{percent(told[key])}{within[key]} ({percent(told[f'{key}_bound'])})" for key in ("edge_r", "pred_a")
+        ]
         rest = [percent(told[key]) for key in ("pred_a_successful", "failing")]
-        rows.append((split, [percent(told["edge_p"]), *bounded, *rest]))
+        rows.append((split, [f"{percent(told['edge_p'])}{within['edge_p']}", *bounded, *rest]))
     heads = ("Edge-P", "Edge-R (bound)", "Pred-A (bound)", "successful", "steps that fail")
     return markdown([plain_grid(heads, rows, "percent")])
+
+
+def _over_objects(ends: list[float] | None) -> str:
+    return f" [{percent(ends[0])}-{percent(ends[1])}]" if ends else ""
 
 
 def whole(share: float | None) -> str:

@@ -4,6 +4,8 @@
     python -m benchmarks.tables.table2 record --model MODEL --assets DIR --data FOLDER/few --most 60 --only SPLITS
     python -m benchmarks.tables.table2 --data FOLDER --work FOLDER --out benchmarks/results/table2.json [--rows a,b]
 
+    python -m benchmarks.tables.table2 procedural --work FOLDER --out benchmarks/results/reason-procedural.json
+
 `record` makes the recorded boards; `--model` is the interaction policy that acts on them (`busybot train interact`).
 Beneath `random` lie recordings of the same boards without exploration. Every board has an appearance of its own: 300
 tell more than 15.
@@ -14,6 +16,9 @@ Beneath `few` lie the first boards of those to judge on, for models that are slo
 `--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
 and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
 `--policy random`. What is not there is not judged.
+
+`procedural` judges what ships with busybot: its policy acts on boards of procedural objects, its model of relations
+reads the recordings.
 
 Every command resumes, so this one does: run it again with the same `--work` after any interruption. A row appears in
 the result as soon as it is judged. Trained rows have three seeds each; their mean and extremes stand beside.
@@ -28,6 +33,8 @@ from typing import Any
 from benchmarks import runner
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
+from busybot.evaluation.reference_tables import NOVEL
+from busybot.reason.models.registry import DEFAULT_REASONER
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (
@@ -195,6 +202,28 @@ def record(words: list[str]) -> None:
         runner.busybot("collect", str(folder), *acting)
 
 
+def procedural(words: list[str]) -> None:
+    options = runner.parser(__doc__, assets=False)
+    options.add_argument("--work", type=Path, required=True, help="for recordings; continued if it exists")
+    options.add_argument("--boards", type=int, default=120, help="of each novel split")
+    arguments = options.parse_args(words)
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    commands: list[tuple[str, ...]] = []
+    splits = {}
+    for split in NOVEL:
+        folder, drawn = arguments.work / split, JUDGED[split].seed
+        commands += (
+            runner.generating(folder, split, arguments.boards, drawn, "procedural"),
+            ("collect", str(folder), "--steps", str(STEPS), "--policy", "learned", "--seed", str(drawn)),
+            ("eval", "reason", str(folder), "--reasoner", DEFAULT_REASONER),
+        )
+        *_, splits[split] = [runner.busybot(*command) for command in commands[-3:]]
+    typed = [runner.as_typed(command, {str(arguments.work): "WORK"}) for command in commands]
+    told = {split: {key: one[key] for key in (*SCORES, *DETAILS)} for split, one in splits.items()}
+    seed = JUDGED["novel-config"].seed
+    runner.finish("reason-procedural", arguments, {"commands": typed, "splits": told}, seed=seed)
+
+
 def main(words: list[str]) -> None:
     options = runner.parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded datasets, see above")
@@ -219,4 +248,4 @@ def _percent(share: float | None) -> str:
 
 
 if __name__ == "__main__":
-    runner.one_of(main, record=record)
+    runner.one_of(main, record=record, procedural=procedural)

@@ -1,7 +1,7 @@
 """The paper's pipeline from five seeds: each one's policy records, its reasoner learns from that, its agents plan.
 
     python -m benchmarks.tables.whole_pipeline --assets DIR --work FOLDER --out benchmarks/results/whole-pipeline.json
-        [--policies benchmarks/models/lean-free-0 ...] [--boards 150] [--judged 100] [--tasks 30]
+        [--policies benchmarks/models/lean-free-0 ...] [--seeds 0,1] [--boards 150] [--judged 100] [--tasks 30]
 
 In Tables 2 and 3 the seeds of reasoners and agents share the recordings of one policy. Here nothing that is learned is
 shared: seed N has the N-th policy, boards of its own to train on, on which that policy acts, the `event` model that is
@@ -9,7 +9,7 @@ trained on them, and the histories of that policy on the boards that it is judge
 for all seeds: the first boards of Table 2's novel sets, and the first of Table 3's tasks.
 
 Every command resumes, so this one does: run it again with the same FOLDER after any interruption. A seed appears in the
-result as soon as it is judged.
+result as soon as it is judged; with `--seeds` others are left as they are there, so another machine can go on.
 """
 
 import argparse
@@ -87,6 +87,7 @@ def main(words: list[str]) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for recordings and models; continued if it exists")
     options.add_argument("--policies", nargs="+", default=list(POLICIES), help="trained policies, one for each seed")
+    options.add_argument("--seeds", help="numbers of policies, comma-separated; all by default")
     options.add_argument("--boards", type=int, default=150, help="to train a reasoner on")
     options.add_argument("--judged", type=int, default=100, help="boards of each novel split to judge it on")
     options.add_argument("--tasks", type=int, default=30, help="in each cell of plans")
@@ -95,8 +96,9 @@ def main(words: list[str]) -> None:
         "assets": runner.assets_name(arguments.assets),
         "rows": runner.told_rows(arguments.out, "whole-pipeline"),
     }
-    for seed, policy in enumerate(arguments.policies):
-        row = result["rows"][str(seed)] = run(seed, policy, arguments)
+    numbers = range(len(arguments.policies))
+    for seed in map(int, runner.chosen(arguments.seeds, list(map(str, numbers)))) if arguments.seeds else numbers:
+        row = result["rows"][str(seed)] = run(seed, arguments.policies[seed], arguments)
         runner.finish("whole-pipeline", arguments, result, seed=FIRST_SEED)  # rows have hashes and seeds of their own
         for split, scores in row["relations"].items():
             told = " ".join(f"{key} {100 * (scores[key] or 0):5.1f}" for key in SCORES[:2])

@@ -54,7 +54,7 @@ KINDS = {
     "shortcuts": "python -m benchmarks.studies.shortcuts",
     "curiosity": "python -m benchmarks.studies.curiosity",
     "plan-procedural": "python -m benchmarks.tables.table3 procedural",
-    "reason-procedural": "busybot eval reason",
+    "reason-procedural": "python -m benchmarks.tables.table2 procedural",
     "stages": "python -m pipelines.tables",
     "reason-robustness": "python -m benchmarks.studies.reason_robustness",
     "orientation": "python -m benchmarks.studies.orientation",

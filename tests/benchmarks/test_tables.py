@@ -193,6 +193,20 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert "paper" in table1.ROWS and {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - table1.OTHER_CAMERA
 
 
+def test_what_ships_is_judged_on_its_own_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "busybot", lambda *arguments: scores(edge_p=1.0) if arguments[0] == "eval" else {})
+    out = tmp_path / "o.json"
+    table2.procedural(["--work", str(tmp_path / "w"), "--out", str(out), "--boards", "3"])
+    told = read_result(out, "reason-procedural")
+    assert told["splits"]["novel-object"]["edge_p"] == 1.0 and told["seed"] == 603
+    assert told["commands"][3:] == [
+        "busybot generate WORK/novel-object --split novel-object --boards 3 --seed 604 --group-size 1 "
+        "--assets procedural",
+        "busybot collect WORK/novel-object --steps 30 --policy learned --seed 604",
+        "busybot eval reason WORK/novel-object --reasoner event",
+    ]
+
+
 def test_each_seed_of_the_whole_pipeline_has_all_that_is_learned_to_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,4 +245,8 @@ def test_each_seed_of_the_whole_pipeline_has_all_that_is_learned_to_itself(
     judged = [words for words in asked if words[:2] == ("eval", "reason")]
     reasoners = [words[words.index("--reasoner") + 1] for words in judged]
     assert [Path(one).relative_to(tmp_path / "w").as_posix() for one in reasoners] == ["0/event"] * 2 + ["1/event"] * 2
+    asked.clear()
+    whole_pipeline.main([*words, "--policies", *map(str, policies), "--seeds", "1"])
+    assert read_result(out, "whole-pipeline")["rows"]["0"] == first, "another machine goes on with the next seed"
+    assert asked and not any(f"{tmp_path}/w/0/" in word for words in asked for word in words)
     assert "busybot collect WORK/novel-object --steps 30 --policy learned --model POLICY" in " ".join(first["commands"])

@@ -75,6 +75,9 @@ def finish(
 ) -> dict[str, Any]:
     """Put what every result has before the figures, write it to `--out` if that is given, and return it.
 
+    A file that gets its rows one after the other says of each by which commit and on which machine it was made, under
+    `made`: rows that stand there already keep what was said of them.
+
     Args:
         machine: what is to be told of it beside what is told of all.
         seed: of what was drawn, if `--seed` does not tell it.
@@ -84,6 +87,9 @@ def finish(
     told["machine"] |= machine or {}
     result = {**told, **figures}
     if arguments.out:
+        if isinstance(figures.get("rows"), dict):
+            before = read_result(arguments.out, kind) if arguments.out.exists() else {}
+            result = {**told, "made": made(before, result), **figures}
         write_result(arguments.out, result)
     return result
 
@@ -264,6 +270,30 @@ def chosen(names: str, known: Iterable[str]) -> list[str]:
 def assets_name(assets: str) -> str:
     """What a result calls the objects: never where they lie."""
     return "procedural" if assets == "procedural" else Path(assets).name
+
+
+def made(before: dict[str, Any], result: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Commit and machine of every row by its name, of a part that came or changed later by `ROW/PART`.
+
+    What stands in `before` is as old as that says; of files that do not say it, nothing is told of what they had.
+    """
+    old, rows = before.get("rows", {}), json.loads(json.dumps(result["rows"]))
+    fresh = [place for name, row in rows.items() for place in _fresh(name, old.get(name), row)]
+    kept = {
+        place: told
+        for place, told in before.get("made", {}).items()
+        if place.split("/")[0] in rows and not any(f"{place}/".startswith(f"{one}/") for one in fresh)
+    }
+    return kept | dict.fromkeys(fresh, {key: result[key] for key in ("commit", "machine")})
+
+
+def _fresh(name: str, old: Any, new: Any) -> list[str]:
+    """Which parts of a row were not there before, or were others; the row itself if it lost one."""
+    if old == new:
+        return []
+    if not (isinstance(old, dict) and isinstance(new, dict) and old.keys() <= new.keys()):
+        return [name]
+    return [f"{name}/{part}" for part, value in new.items() if part not in old or value != old[part]]
 
 
 def told_rows(out: Path, kind: str) -> dict[str, Any]:

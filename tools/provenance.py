@@ -1,48 +1,69 @@
-"""Which committed results do not tell by what code they were made.
+"""Which committed results do not tell by what code they were made, or of what.
 
-New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and rows of
-one file either all name theirs or none does. `OLDER` lists the others; it may only become shorter.
+New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
+machine; all its rows are of one commit; and it has hashes of the models, boards or recordings that it is about, unless
+its kind is about none. `KNOWN` lists the others; it may only become shorter.
 """
 
 import json
+import re
 from collections.abc import Iterator
 from typing import Any
 
 from busybot.common.errors import BusybotError
 from tools import tables
 
-OLDER = frozenset(
-    {
-        *("bounds", "decision_time"),
-        *("interact-procedural", "kills-collect"),
-        *("kills-freeze-repair", "kills-train", "laptop/metrics", "laptop/tables/stages", "laptop/tables/table1"),
-        *("laptop/tables/table2", "laptop/tables/table3", "memory"),
-        *("paper_interact", "plan-procedural", "policy_constants", "reason-procedural"),
-        "reason_robustness",
-        *("worlds-procedural", "worlds-real"),
-    }
-)
-"""Made before commits were recorded, or with changes that were not committed."""
 NO_COMMIT, CHANGED, SOME_ROWS = "names no commit", "changes were not committed", "some rows name no commit"
+SEVERAL, NO_HASHES = "rows of several commits", "has no hashes of what it is about"
 EXPLAINED = {
     NO_COMMIT: "made before results named their commit",
     CHANGED: "made by a commit with changes that were not committed",
     SOME_ROWS: "some of their rows name no commit",
+    SEVERAL: "their rows are of several commits, which they name",
+    NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
 }
+KNOWN = {
+    NO_COMMIT: {
+        *("decision_time", "interact-procedural", "kills-collect", "kills-freeze-repair", "kills-train"),
+        *("laptop/metrics", "memory", "paper_interact", "plan-procedural", "policy_constants", "reason-procedural"),
+        "reason_robustness",
+    },
+    CHANGED: {
+        *("bounds", "laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
+        *("worlds-procedural", "worlds-real"),
+    },
+    SEVERAL: {"table1"},
+    NO_HASHES: {"mechanism-ablations", "mechanisms", "shortcuts"},
+}
+"""Results that were there before that was asked of them."""
+ABOUT_NOTHING = (
+    "hostile",
+    "message-passing",
+    "opening",
+    "paper-reason-speed",
+    "reproduce",
+    "s3",
+    "scale",
+    "streaming",
+    "waiting",
+)
+"""Kinds that measure commands alone, or what is drawn at random."""
+DIGEST = re.compile(r'"[0-9a-f]{64}"')
 
 
 def part() -> str:
-    """A list of the results whose code is not known, for people.
+    """A list of the results whose making is not wholly known, for people.
 
     Raises:
-        BusybotError: one is not in `OLDER`, or one that is there does not belong there any more.
+        BusybotError: one is not in `KNOWN`, or one that is there does not belong there any more.
     """
-    found = unknown()
-    if fresh := {name: why for name, why in found.items() if name not in OLDER}:
+    found = faults()
+    known = {name: why for why, names in KNOWN.items() for name in names}
+    if fresh := {name: why for name, why in found.items() if known.get(name) != why}:
         what = "; ".join(f"{name}: {why}" for name, why in fresh.items())
         raise BusybotError(f"benchmarks/results: {what}", "commit first, then make the result, in a clean checkout")
-    if done := OLDER - found.keys():
-        raise BusybotError(f"{', '.join(sorted(done))}: of a known commit now", "take it out of tools/provenance.py")
+    if done := known.keys() - found.keys():
+        raise BusybotError(f"{', '.join(sorted(done))}: its making is known now", "take it out of tools/provenance.py")
     lines = []
     for why, words in EXPLAINED.items():
         names = [f"`{name}`" for name, one in sorted(found.items()) if one == why]
@@ -50,8 +71,8 @@ def part() -> str:
     return "\n".join(lines)
 
 
-def unknown() -> dict[str, str]:
-    """Why it is not known what code made a result, by the file's name; those of which it is known are left out."""
+def faults() -> dict[str, str]:
+    """What is not known of a result's making, by the file's name; those of which all is known are left out."""
     found = {}
     for file in sorted(tables.RESULTS.rglob("*.json")):
         if why := _fault(json.loads(file.read_text(encoding="utf-8"))):
@@ -60,13 +81,23 @@ def unknown() -> dict[str, str]:
 
 
 def _fault(told: dict[str, Any]) -> str | None:
-    commit, rows = told.get("commit"), told.get("rows")
+    commit, rows, made = told.get("commit"), told.get("rows"), told.get("made", {})
     if commit is None:
         return NO_COMMIT
     if str(commit).endswith("-dirty"):
         return CHANGED
-    named = [set(_commits(row)) for row in rows.values()] if isinstance(rows, dict) else []
-    return SOME_ROWS if any(named) and not all(one and None not in one for one in named) else None
+    rows = rows if isinstance(rows, dict) else {}
+    named = {name: {*_commits(row), *_made(made, name)} for name, row in rows.items()}
+    if any(named.values()) and not all(one and None not in one for one in named.values()):
+        return SOME_ROWS
+    if len(set().union(*named.values())) > 1:
+        return SEVERAL
+    return None if told["kind"] in ABOUT_NOTHING or DIGEST.search(json.dumps(told)) else NO_HASHES
+
+
+def _made(made: dict[str, Any], row: str) -> set[str]:
+    """The commits of a row and of its parts, as the file tells of what it got one after the other."""
+    return {one["commit"] for place, one in made.items() if place.split("/")[0] == row}
 
 
 def _commits(value: Any) -> Iterator[str | None]:

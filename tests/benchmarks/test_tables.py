@@ -193,6 +193,27 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert "paper" in table1.ROWS and {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - table1.OTHER_CAMERA
 
 
+def test_a_result_tells_of_rows_that_came_one_after_the_other_who_made_which(tmp_path: Path) -> None:
+    out, machine = tmp_path / "r.json", {"cores": 2}
+
+    def written(commit: str, rows: dict[str, Any]) -> dict[str, str]:
+        told = {"commit": commit, "machine": machine, "rows": rows}
+        told["made"] = runner.made(json.loads(out.read_text()) if out.exists() else {}, told)
+        out.write_text(json.dumps(told))
+        assert all(one["machine"] == machine for one in told["made"].values())
+        return {place: one["commit"] for place, one in told["made"].items()}
+
+    assert written("a", {"x": {"one": (1,)}, "y": 1}) == {"x": "a", "y": "a"}
+    assert written("b", {"x": {"one": (1,)}, "y": 1, "z": 1}) == {"x": "a", "y": "a", "z": "b"}
+    assert written("c", {"x": {"one": (1,), "two": 2}, "z": 1}) == {"x": "a", "x/two": "c", "z": "b"}, (
+        "what is gone is not told"
+    )
+    assert written("d", {"x": {"one": (2,), "two": 2}, "z": 1}) == {"x": "a", "x/two": "c", "x/one": "d", "z": "b"}
+    assert written("e", {"x": {"two": 2}, "z": 1}) == {"x": "e", "z": "b"}, "a row that lost a part is new as a whole"
+    out.write_text(json.dumps({"rows": {"x": 1}}))
+    assert written("f", {"x": 1, "y": 1}) == {"y": "f"}, "nobody said of x who made it"
+
+
 def test_what_ships_is_judged_on_its_own_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runner, "busybot", lambda *arguments: scores(edge_p=1.0) if arguments[0] == "eval" else {})
     out = tmp_path / "o.json"

@@ -311,17 +311,30 @@ def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
     assert "memory moves 15.0 GB a second" in speed_tables.collection_parts()
 
 
-def test_a_result_whose_code_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance, "OLDER", frozenset({"old", "some"}))
+def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {provenance.NO_COMMIT: {"old"}, provenance.SOME_ROWS: {"some"}, provenance.NO_HASHES: {"bare"}}
+    monkeypatch.setattr(provenance, "KNOWN", known)
+    data = {"hashes": {"data": {"a": "ab" * 32}}}
     put(results, "old", "table1", commit=None)
     put(results, "some", "table1", commit="a1", rows={"first": {"config": {"commit": "a0"}}, "other": {}})
-    put(results, "new", "table1", commit="a1", rows={"first": {"config": [{"commit": "a0"}]}})
+    put(results, "new", "table1", commit="a1", rows={"first": {"config": [{"commit": "a0"}]}}, **data)
+    put(results, "bare", "table1", commit="a1", rows={})
+    put(results, "timed", "scale", commit="a1")
     told = provenance.part()
     assert "results named their commit (1): `old`" in told and "name no commit (1): `some`" in told
+    assert "from their seeds (1): `bare`" in told and "new" not in told and "timed" not in told
     put(results, "changed", "s3", commit="a1-dirty")
     with pytest.raises(BusybotError, match="changed: changes were not committed"):
         provenance.part()
     put(results, "changed", "s3", commit="a1")
-    put(results, "old", "table1", commit="a2")
-    with pytest.raises(BusybotError, match="old: of a known commit now"):
+    made = {"first": {"commit": "a1"}, "other/part": {"commit": "a2"}}
+    put(results, "grown", "table1", commit="a2", rows={"first": {}, "other": {}}, made=made, **data)
+    with pytest.raises(BusybotError, match="grown: rows of several commits"):
+        provenance.part()
+    put(results, "grown", "table1", commit="a1", rows={"first": {}, "other": {}}, made={"first": made["first"]}, **data)
+    with pytest.raises(BusybotError, match="grown: some rows name no commit"):
+        provenance.part()
+    (results / "grown.json").unlink()
+    put(results, "old", "table1", commit="a2", **data)
+    with pytest.raises(BusybotError, match="old: its making is known now"):
         provenance.part()

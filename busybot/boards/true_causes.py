@@ -13,6 +13,25 @@ from busybot.boards.mechanisms import Mechanism
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, Relation
 
 
+class VariableNames:
+    """Names of a board's variables: `lamp_5` is a responder, `switch_2.link_0` a trigger link."""
+
+    def __init__(self, board: BoardSpec):
+        self._objects = [f"{placed.category.lower()}_{index}" for index, placed in enumerate(board.objects)]
+
+    def body(self, index: int) -> str:
+        """Of an object."""
+        return self._objects[index]
+
+    def of(self, reference: LinkRef) -> str:
+        """Of a link, or of an object as a whole."""
+        return self.link(reference.object, reference.link)
+
+    def link(self, index: int, name: str) -> str:
+        """Of an object's link by its name."""
+        return self.body(index) if name == BODY else f"{self.body(index)}.{name}"
+
+
 @dataclass(frozen=True)
 class Period:
     """A relation, and the steps whose states it decides.

@@ -42,6 +42,7 @@ KINDS = {
     "interact": "busybot eval interact",
     "reason": "busybot eval reason",
     "plan": "busybot eval plan",
+    "what-if": "busybot eval what-if",
     "play": "busybot play",
     "table1": "python -m benchmarks.tables.table1",
     "table2": "python -m benchmarks.tables.table2",

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import CONTEXT, check_file, episode_progress, print_json, processes, say, tell, warn
+from busybot.cli.common import (
+    CONTEXT,
+    answer,
+    check_file,
+    counted,
+    episode_progress,
+    print_json,
+    processes,
+    say,
+    tell,
+    warn,
+)
 from busybot.cli.eval import printing
 from busybot.cli.options import (
     AssetsOption,
@@ -328,6 +339,59 @@ def plan(
         print_json(result)
     else:
         printing.planning(result)
+
+
+@app.command(name="what-if")
+def what_if(
+    dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
+    questions: Annotated[
+        Path | None, typer.Option(help="Write the questions with their answers into this file, a line of JSON each.")
+    ] = None,
+    answers: Annotated[Path | None, typer.Option(help="Judge the answers in this file of the same lines.")] = None,
+    images: Annotated[int, typer.Option(min=2, help="Ask about the actions between so many images.")] = 23,
+    out: Annotated[Path | None, typer.Option(help="Write the result of --answers as JSON to this file.")] = None,
+    assets: AssetsOption = None,
+    seed: SeedOption = 0,
+    workers: WorkersOption = None,
+    json: JsonOption = False,
+) -> None:
+    """What had been otherwise without an action: paired questions for programs of your own, or their answers judged.
+
+    They are the questions that `eval reason` asks its models. Needs recorded states, as simulated boards have them.
+    """
+    from busybot.common.atomic_io import write_atomically
+    from busybot.datasets.dataset import Dataset
+    from busybot.evaluation.results import write_result
+    from busybot.reason.evaluation.questions import asked_about, judge_answers, lines
+
+    if (questions is None) == (answers is None):
+        raise UsageError("what-if writes questions or judges answers", "give --questions FILE or --answers FILE")
+    if out is not None and answers is None:
+        raise UsageError("--out is about answers", "give --answers, too, or leave --out out")
+    check_file("--questions", questions, "questions.jsonl")
+    check_file("--out", out, "what-if.json")
+    with episode_progress("asking") as progress:
+        target = Dataset.open(dataset)
+        asked = list(asked_about(target, assets, images, processes(workers), progress))
+    boards = len({one.board for one in asked})
+    if questions is not None:
+        write_atomically(questions, lines(asked).encode())
+        facts = {"questions": len(asked), "boards": boards, "file": questions}
+        answer(json, facts, f"wrote {questions}: {counted(len(asked), 'pair')} about {counted(boards, 'board')}")
+        return
+    assert answers is not None
+    result = judge_answers(target, asked, answers, images, seed)
+    result["command"] = _command_again("what-if", dataset, None, None, answers=answers, images=images, seed=seed)
+    if out is not None:
+        write_result(out, result)
+        say(f"wrote {out}")
+    within = result["intervals"]["what_if"]
+    told = "-" if within is None else f"{100 * result['what_if']:.1f} % (95 % over boards: {_ends(within)})"
+    answer(json, result, f"{result['right']} of {counted(result['pairs'], 'pair')} told rightly: {told}")
+
+
+def _ends(within: tuple[float, float]) -> str:
+    return f"{100 * within[0]:.1f} to {100 * within[1]:.1f}"
 
 
 def _write(folder: Path | None, result: dict[str, Any]) -> None:

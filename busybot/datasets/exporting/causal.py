@@ -21,8 +21,8 @@ import pyarrow.parquet as pq
 from busybot import __version__
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism
-from busybot.boards.spec import BODY, BoardSpec, LinkRef
-from busybot.boards.true_causes import Period, lag, periods
+from busybot.boards.spec import BoardSpec
+from busybot.boards.true_causes import Period, VariableNames, lag, periods
 from busybot.boards.worlds import links_of
 from busybot.common.atomic_io import (
     make_folder,
@@ -203,7 +203,7 @@ def _rows_of(task: tuple[Path, dict[str, Any], Links]) -> Rows:
             raise BusybotError("its trigger links are not those of the objects", "name the right ones: --assets DIR")
         dynamics = Dynamics(episode.board, links)
     board, number = episode.board, row["episode"]
-    names = _Names(board)
+    names = VariableNames(board)
     told = (board.world, board.split, board.seed, episode.policy, episode.oracle, len(episode.steps))
     moved = sum(step.success for step in episode.steps)
     parts: Rows = {
@@ -216,23 +216,7 @@ def _rows_of(task: tuple[Path, dict[str, Any], Links]) -> Rows:
     return {name: [(number, *values) for values in rows] for name, rows in parts.items()}
 
 
-class _Names:
-    """Names of a board's variables."""
-
-    def __init__(self, board: BoardSpec):
-        self._objects = [f"{placed.category.lower()}_{index}" for index, placed in enumerate(board.objects)]
-
-    def body(self, index: int) -> str:
-        return self._objects[index]
-
-    def of(self, reference: LinkRef) -> str:
-        return self.link(reference.object, reference.link)
-
-    def link(self, index: int, name: str) -> str:
-        return self.body(index) if name == BODY else f"{self.body(index)}.{name}"
-
-
-def _states(episode: Episode, names: _Names) -> Iterator[tuple[Any, ...]]:
+def _states(episode: Episode, names: VariableNames) -> Iterator[tuple[Any, ...]]:
     links = [(link.object, link.name) for link in episode.links if link.trigger]
     if not episode.steps:
         return
@@ -249,7 +233,7 @@ def _states(episode: Episode, names: _Names) -> Iterator[tuple[Any, ...]]:
             yield number, names.body(index), "responder", shown[index], False, False
 
 
-def _variables(board: BoardSpec, links: Links, names: _Names) -> Iterator[tuple[Any, ...]]:
+def _variables(board: BoardSpec, links: Links, names: VariableNames) -> Iterator[tuple[Any, ...]]:
     idle = {(one.object, one.link) for one in board.idle}
     for (index, name), size in zip(links.names, links.sizes, strict=True):
         yield names.link(index, name), "link", index, board.objects[index].category, name, size, (index, name) in idle
@@ -267,7 +251,7 @@ def _clock(period: Period) -> str | None:
     return None if stream is None else str(stream)
 
 
-def _graph(board: BoardSpec, dynamics: Dynamics, names: _Names) -> Iterator[tuple[Any, ...]]:
+def _graph(board: BoardSpec, dynamics: Dynamics, names: VariableNames) -> Iterator[tuple[Any, ...]]:
     """An edge for every input of every mechanism, one for its clock, and one without parent if it has neither."""
     for period in periods(board):
         relation, clock = period.relation, _clock(period)

@@ -184,6 +184,20 @@ class Watched:
         return shown_rewirings(self.replayed.dynamics, self.replayed.triggers, self.replayed.states)
 
     @cached_property
+    def controlled(self) -> np.ndarray:
+        """bool (N,), whose answers to pairs of questions count: what a link controls; of what was replayed."""
+        assert self.replayed is not None
+        truth = causes_of(self.episode.board, self.replayed.law.links, max(0, self.steps - 1))
+        return np.asarray(self.judged & truth.link_parents.any(0))
+
+    @cached_property
+    def pairs(self) -> tuple[Questions, Questions] | None:
+        """See `what_if.pairs`; of what was replayed."""
+        assert self.replayed is not None
+        dynamics, states, actions = self.replayed.dynamics, self.replayed.states, self.actions[: self.steps]
+        return pairs(dynamics, self.episode, actions, self.acted, states, self.controlled)
+
+    @cached_property
     def asked(self) -> "_Asked":
         """What is asked about mechanisms, of what was replayed."""
         assert self.replayed is not None
@@ -457,14 +471,10 @@ class _Asked:
 
     Attributes:
         walk: the tour.
-        pairs: see `what_if.pairs`.
-        controlled: bool (N,), whose answers to pairs count.
         mechanisms: of the responders that show in the first frame.
     """
 
     walk: Questions
-    pairs: tuple[Questions, Questions] | None
-    controlled: np.ndarray
     mechanisms: list["_Mechanism"]
 
 
@@ -477,9 +487,7 @@ def _asked(watched: Watched, replayed: _Replayed) -> _Asked:
     now = tuple(int(state) for state in replayed.triggers[steps])
     rng = generator(board.seed, board.split, board.index, "reason/tour")
     walk = tour(calm, now, replayed.states[steps], contacts, steps, rng)
-    controlled, actions = watched.judged & truth.link_parents.any(0), watched.actions[:steps]
-    asked = pairs(replayed.dynamics, watched.episode, actions, watched.acted, replayed.states, controlled)
-    return _Asked(walk, asked, controlled, _mechanisms(watched, truth, walk, replayed))
+    return _Asked(walk, _mechanisms(watched, truth, walk, replayed))
 
 
 def _mechanisms(watched: Watched, truth: CauseTruth, walk: Questions, replayed: _Replayed) -> list["_Mechanism"]:
@@ -533,9 +541,9 @@ def _with_mechanisms(
     right, told = watched.ask(reasoner, asked.walk), None
     if right is not None:
         told = np.zeros((0, 2), bool)
-        if asked.pairs is not None:
-            answers = [watched.ask(reasoner, questions) for questions in asked.pairs]
-            told = np.stack([one[:, asked.controlled].all(1) for one in answers if one is not None], axis=1)
+        if watched.pairs is not None:
+            answers = [watched.ask(reasoner, questions) for questions in watched.pairs]
+            told = np.stack([one[:, watched.controlled].all(1) for one in answers if one is not None], axis=1)
     mechanisms = []
     for one in asked.mechanisms:
         index = one.known.responder

@@ -24,7 +24,7 @@ from busybot.view.report.world_results import Evaluation, ResultFile, WorldResul
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = (
     *("interact", "reason", "plan", "play", "table1", "table2", "table3", "worlds", "curiosity"),
-    *("reason-robustness", "stages"),
+    *("world-gates", "world-plans", "reason-robustness", "stages"),
 )
 """Kinds that a report shows."""
 MOST_PICTURES = 24

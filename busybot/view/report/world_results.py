@@ -150,6 +150,61 @@ class _TableRow(ResultFile):
     uncertain_pairs: int | None = None
 
 
+class _Uncertain(ResultFile):
+    """How far doubtful beliefs are off after so many images."""
+
+    ece_uncertain: float | None = None
+    uncertain_pairs: int | None = None
+
+
+class _Gate(ResultFile):
+    """Of `benchmarks.tables.world_gates`: a model on a set of a world."""
+
+    boards: int
+    after: dict[str, _Parents]
+    uncertain: list[_Uncertain] = []
+    parent_p: float | None = None
+    parent_r: float | None = None
+    mechanism_accuracy: float | None = None
+    mechanism_bound: float | None = None
+    pred_a: float | None = None
+    what_if: float | None = None
+    rewirings: int | None = None
+    rewired_found: float | None = None
+    rewired_placed: float | None = None
+    rewired_false_alarms: float | None = None
+    rewired_found_bound: float | None = None
+    rewired_placed_bound: float | None = None
+
+    @property
+    def _worst(self) -> _Uncertain:
+        """Where doubtful beliefs are off most."""
+        return max(self.uncertain, key=lambda one: one.ece_uncertain or 0.0, default=_Uncertain())
+
+    @property
+    def ece_uncertain(self) -> float | None:
+        return self._worst.ece_uncertain
+
+    @property
+    def uncertain_pairs(self) -> int | None:
+        return self._worst.uncertain_pairs
+
+
+class _PlannedWorld(ResultFile):
+    """Of `benchmarks.tables.world_plans`: the tasks of a world."""
+
+    tasks: int
+    agents: dict[str, PlannedAgent]
+    by_locks: dict[str, dict[str, float | None]] = {}
+
+
+class WorldPlans(ResultFile):
+    """Of `benchmarks.tables.world_plans`, by world."""
+
+    history: str = "scripted"
+    rows: dict[str, _PlannedWorld]
+
+
 @dataclass(frozen=True)
 class WorldRow:
     """Who found what on the boards of a group; shares from 0 to 1, None where nobody was asked.
@@ -167,7 +222,7 @@ class WorldRow:
     links: Mapping[int, tuple[float | None, float | None, float | None]]
     curve: tuple[tuple[int, float], ...] = ()
     bound: bool = False
-    found: WorldReason | _TableRow | None = None
+    found: WorldReason | _TableRow | _Gate | None = None
 
 
 @dataclass
@@ -176,6 +231,8 @@ class WorldResults:
 
     Attributes:
         tables: of `benchmarks.tables.worlds`, by file, world and name of the row.
+        gates: of `benchmarks.tables.world_gates`, by file, by world and set in words, by name of the model.
+        plan_tables: of `benchmarks.tables.world_plans`, by file.
     """
 
     reason: dict[str, WorldReason] = field(default_factory=dict)
@@ -183,9 +240,12 @@ class WorldResults:
     plans: dict[str, WorldPlan] = field(default_factory=dict)
     curiosity: dict[str, Curiosity] = field(default_factory=dict)
     tables: dict[str, dict[str, dict[str, _TableRow]]] = field(default_factory=dict)
+    gates: dict[str, dict[str, dict[str, _Gate]]] = field(default_factory=dict)
+    plan_tables: dict[str, WorldPlans] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
-        return any((self.reason, self.played, self.plans, self.curiosity, self.tables))
+        known = (self.reason, self.played, self.plans, self.curiosity, self.tables, self.gates, self.plan_tables)
+        return any(known)
 
     def take(self, file: str, value: dict[str, Any]) -> bool:
         """Keep a file's content if it is about other worlds.
@@ -205,6 +265,10 @@ class WorldResults:
                 self.curiosity[file] = Curiosity.model_validate(value)
             case "worlds":
                 self.tables[file] = _table_rows(value)
+            case "world-gates":
+                self.gates[file] = _gate_rows(value)
+            case "world-plans":
+                self.plan_tables[file] = WorldPlans.model_validate(value)
             case _:
                 return False
         return True
@@ -225,6 +289,9 @@ class WorldResults:
         for rows in self.tables.values():
             for world, own in rows.items():
                 found.setdefault(f"{world}: benchmarks.tables.worlds", []).extend(_rows(own))
+        for sets in self.gates.values():
+            for words, models in sets.items():
+                found.setdefault(words, []).extend(_judged_rows(models))
         return found
 
     def understood(self, world: str, reasoner: str, board_hash: object) -> float | None:
@@ -300,6 +367,40 @@ def _table_rows(value: dict[str, Any]) -> dict[str, dict[str, _TableRow]]:
     for world, parts in dict(value.get("rows") or {}).items():
         rows = {**parts.get("rows", {}), **parts.get("discovery", {}), **parts.get("learned", {})}
         found[world] = {name: _TableRow.model_validate(row) for name, row in rows.items() if "object" in row}
+    return found
+
+
+def _gate_rows(value: dict[str, Any]) -> dict[str, dict[str, _Gate]]:
+    """By world and set in words; what was seen by another camera says so."""
+    camera = str(value.get("camera", "clean"))
+    seen = "" if camera == "clean" else f", camera {short(camera)}"
+    return {
+        f"{short(world)}: {short(name)}, frozen{seen}": {who: _Gate.model_validate(row) for who, row in models.items()}
+        for world, sets in dict(value.get("rows") or {}).items()
+        for name, models in sets.items()
+    }
+
+
+def _judged_rows(models: Mapping[str, _Gate]) -> list[WorldRow]:
+    """A row for each model, and what the recordings determine."""
+    found = []
+    for name, one in models.items():
+        points = {int(n): told for n, told in one.after.items() if n.isdigit()}
+        objects = {
+            n: (*((one.parent_p, one.parent_r) if n == AFTER[1] else (None, None)), told.parent_f1)
+            for n, told in points.items()
+        }
+        links = {n: (None, None, told.link_parent_f1) for n, told in points.items()}
+        found.append(WorldRow(short(name), one.boards, objects, links, found=one))
+    if models:
+        first = next(iter(models.values()))
+        points = {int(n): told for n, told in first.after.items() if n.isdigit()}
+        objects = {n: (None, None, told.parent_f1_bound) for n, told in points.items()}
+        links = {n: (None, None, told.link_parent_f1_bound) for n, told in points.items()}
+        told = {"mechanism_accuracy": first.mechanism_bound, "rewirings": first.rewirings, "boards": first.boards}
+        told |= {"rewired_found": first.rewired_found_bound, "rewired_placed": first.rewired_placed_bound}
+        bound = _Gate.model_validate({**told, "after": {}})
+        found.append(WorldRow(OBSERVER, first.boards, objects, links, bound=True, found=bound))
     return found
 
 

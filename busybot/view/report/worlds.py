@@ -5,7 +5,17 @@ from pathlib import Path
 
 from busybot.view.figures.discovery import discovery_figure
 from busybot.view.report.page import Block, Entry, Fold, Grid, Heading, Items, Picture, Text, number, spread
-from busybot.view.report.world_results import AFTER, Played, WorldPlan, WorldResults, WorldRow, boards_of, digest, short
+from busybot.view.report.world_results import (
+    AFTER,
+    PlannedAgent,
+    Played,
+    WorldPlan,
+    WorldResults,
+    WorldRow,
+    boards_of,
+    digest,
+    short,
+)
 
 ABOUT = (
     "Boards on which an effect needs two switches, comes late, fails by chance, or is held back. "
@@ -52,7 +62,7 @@ def world_blocks(results: WorldResults, figures: Path) -> list[Block]:
         blocks += _rewired(groups)
     if results.played:
         blocks += [Heading("Played as text", 3), Text(PLAYED), _played(results.played)]
-    if results.plans:
+    if results.plans or results.plan_tables:
         blocks += [Heading("Planning in worlds", 3), Text(PLANNING), _planned(results), *_locks(results.plans)]
     if any(choice.regret is not None for choice in _choices(results)):
         blocks += [Heading("Regret", 3), Text(REGRET), *_regret(results)]
@@ -185,10 +195,17 @@ def _planned(results: WorldResults) -> Grid:
             low, high = told.interval or (None, None)
             interval = "" if low is None or high is None else spread(100 * (told.success or 0), 100 * low, 100 * high)
             gap = None if own is None or told.success is None else told.success - own
-            entries = (_entry(told.success, interval), _entry(told.solved), _plain(told.steps_over_shortest, 2))
-            lines.append((short(name), (*entries, _entry(own), _entry(gap, sign=True))))
+            lines.append((short(name), (*_reached(told, interval), _entry(own), _entry(gap, sign=True))))
+    for file in results.plan_tables.values():
+        for world, table in file.rows.items():
+            lines.append((f"{short(world)}: {table.tasks} tasks, {short(file.history)} histories", ()))
+            lines += [(short(name), (*_reached(told), NONE, NONE)) for name, told in table.agents.items()]
     heads = ("success", "tasks solved", "steps over shortest", "mechanisms", "success minus these")
     return Grid((), heads, tuple(lines), "percent")
+
+
+def _reached(told: PlannedAgent, interval: str = "") -> tuple[Entry, ...]:
+    return _entry(told.success, interval), _entry(told.solved), _plain(told.steps_over_shortest, 2)
 
 
 def _locks(plans: dict[str, WorldPlan]) -> list[Block]:
@@ -249,6 +266,6 @@ def _origins(results: WorldResults) -> Fold:
         made = "" if one.command is None else f", `{one.command.replace('`', '')}`"
         code = "" if one.commit is None else f", code of commit `{one.commit.replace('`', '')}`"
         items.append(f"file `{name}`: boards `{digest(one.dataset)}`{seed}{made}{code}")
-    files: Sequence[str] = [*results.tables, *results.curiosity]
+    files: Sequence[str] = [*results.tables, *results.curiosity, *results.gates, *results.plan_tables]
     items += [f"file `{name}`" for name in files]
     return Fold("Commands, seeds, hashes", (Items(tuple(items)),))

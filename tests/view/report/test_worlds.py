@@ -156,6 +156,25 @@ def test_committed_tables_and_regret_are_shown() -> None:
     assert len(told) == 4 and all(one.regret is not None for one in told.values())
 
 
+def test_the_frozen_sets_and_plans_of_all_worlds_are_shown(tmp_path: Path) -> None:
+    files = [RESULTS / "world-gates.json", RESULTS / "camera-gates.json", RESULTS / "world-plans.json"]
+    groups = read_results(files).worlds.groups()
+    told = json.loads(files[0].read_text())["rows"]["rewired"]["novel-object"]["mechanism-1"]
+    rows = {one.name: one for one in groups["rewired: novel-object, frozen"]}
+    assert rows["mechanism-1"].links[30][2] == told["after"]["30"]["link_parent_f1"]
+    assert rows["mechanism-1"].objects[22] == (told["parent_p"], told["parent_r"], told["after"]["22"]["parent_f1"])
+    assert rows["exact observer"].bound and len(rows) == 6 and "mixed: novel-config, frozen, camera real" in groups
+    text = write_report(files, tmp_path / "report").markdown.read_text()
+    known, worst = told["mechanism_accuracy"], max(told["uncertain"], key=lambda one: one["ece_uncertain"])
+    of_set = text.split("### Success and understanding")[1].split("*rewired: novel-object, frozen*")[1]
+    cells = next(line for line in of_set.splitlines() if line.startswith("| mechanism-1 |")).split(" | ")
+    assert cells[2:4] == [f"{100 * known:.1f}", f"{100 * (told['pred_a'] - known):+.1f}"]
+    assert cells[5] == f"{100 * worst['ece_uncertain']:.1f} ({worst['uncertain_pairs']})"
+    plan = json.loads(files[2].read_text())["rows"]["time"]["agents"]["mechanism"]
+    of_time = text.split("*time: 30 tasks, scripted histories*")[1]
+    assert f"| mechanism | {100 * plan['success']:.1f} | {100 * plan['solved']:.1f} |" in of_time
+
+
 def test_regret_stands_with_the_actions_that_it_took(tmp_path: Path) -> None:
     done = write_report([RESULTS / "curiosity.json"], tmp_path / "report").markdown.read_text()
     told = json.loads((RESULTS / "curiosity.json").read_text())["rows"]["gates"]["greedy"]["curious"]

@@ -67,6 +67,7 @@ KINDS = {
     "features": "python -m benchmarks.studies.features",
     "import-rules": "python -m benchmarks.studies.import_rules",
     "real-camera": "python -m benchmarks.studies.real_camera",
+    "proposed-boxes": "python -m benchmarks.studies.proposed_boxes",
     "policy-constants": "python -m benchmarks.studies.policy_constants",
     "resnet-weights": "python -m benchmarks.studies.resnet_weights",
     "splits": "python -m benchmarks.studies.splits",

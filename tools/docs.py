@@ -103,6 +103,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,
         "table3": tables.table3,
+        "whole-pipeline": tables.whole_pipeline,
         "plan-procedural": tables.plan_procedural,
     },
 }

@@ -96,6 +96,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/worlds-bounds.md": {
         "bounds-symbolic": world_tables.bounds_symbolic,
         "bounds-worlds": world_tables.bounds_worlds,
+        "proposed-boxes": world_tables.proposed_boxes,
         "mechanisms": world_tables.mechanisms,
         "orientation": world_tables.orientation,
         "shortcuts": world_tables.shortcuts,

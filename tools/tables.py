@@ -1,6 +1,6 @@
 """Tables of the documentation, from the files in benchmarks/results."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -11,7 +11,7 @@ from benchmarks.tables.table3 import OURS
 from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import read_result
-from busybot.evaluation.statistics import widest
+from busybot.evaluation.statistics import binomial_interval, widest
 from busybot.view.report.gates import judge
 from busybot.view.report.page import Text, markdown, number, plain_grid, spread
 from busybot.view.report.results import INTERVALS, Results, RowFound, Score, read_results, rows_of
@@ -94,7 +94,12 @@ def new_switches() -> str:
     rows = []
     for name, policies in told["rows"].items():
         for policy, one in policies.items():
-            cells = [_within(one[key], one["intervals"][key], one["switches"]["intervals"][key]) for key in _SHARES]
+            cells = [
+                _within(
+                    one[key], exact(one[key], one["intervals"][key], one["boards"]), one["switches"]["intervals"][key]
+                )
+                for key in _SHARES
+            ]
             rows.append((f"{name}: {policy}", [*cells, percent(one["recall_objects"])]))
     new = told["rows"]["new"]
     motions = list(new["free"]["switches"]["motions"])
@@ -114,9 +119,15 @@ def new_switches() -> str:
 _SHARES = ("precision", "recall")
 
 
-def _within(share: float, *intervals: list[float]) -> str:
-    ranges = ", ".join(f"{whole(low)}-{whole(high)}" for low, high in intervals)
+def _within(share: float, *intervals: Sequence[float]) -> str:
+    """A share with its intervals; of one of 0 or 1 a bootstrap says nothing, and nor does this."""
+    ranges = ", ".join(f"{whole(low)}-{whole(high)}" if low < high else "-" for low, high in intervals)
     return f"{percent(share)} ({ranges})"
+
+
+def exact(share: float, interval: Sequence[float], trials: int) -> Sequence[float]:
+    """The interval, of a share of 0 or 1 exact bounds, if each of so many boards, tasks or objects is one trial."""
+    return binomial_interval(round(share * trials), trials) or interval if share in (0, 1) else interval
 
 
 def table2() -> str:
@@ -288,7 +299,7 @@ def reason_procedural() -> str:
     rows = []
     for split, told in result("reason-procedural")["splits"].items():
         names = {key: INTERVALS.get(key, key) for key in ("edge_p", "edge_r", "pred_a")}
-        within = {key: _over_objects(told["object_intervals"][name]) for key, name in names.items()}
+        within = {key: _over_objects(told.get("object_intervals", {}).get(name)) for key, name in names.items()}
         bounded = [
             f"{percent(told[key])}{within[key]} ({percent(told[f'{key}_bound'])})" for key in ("edge_r", "pred_a")
         ]

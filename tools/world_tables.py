@@ -7,7 +7,7 @@ from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.view.figures.curves import BASELINES, strength_words
 from busybot.view.report.page import Items, Text, markdown, plain_grid
-from tools.tables import RESULTS, percent, result, whole
+from tools.tables import RESULTS, exact, percent, result, whole
 
 SET_OBJECTS = ("procedural", "partnet-mobility")
 
@@ -257,7 +257,8 @@ def _over_actions(told: dict[str, Any]) -> str:
     """F1 after each number of actions, with the interval of the middle one."""
     low, high = told["22"]["interval"]
     first, middle, last = (whole(one["f1"]) for one in told.values())
-    return f"{first} / {middle} ({whole(low)}-{whole(high)}) / {last}"
+    within = f" ({whole(low)}-{whole(high)})" if low < high else ""
+    return f"{first} / {middle}{within} / {last}"
 
 
 PLANNERS = ("mechanism", "search", "random", "noop", "oracle")
@@ -270,7 +271,7 @@ def world_plans() -> str:
     for world, told in result("world-plans")["rows"].items():
         for name in PLANNERS:
             row = told["agents"][name]
-            low, high = row["micro_intervals"]["objects"]
+            low, high = exact(row["micro"], row["micro_intervals"]["objects"], told["tasks"])
             lowest, highest = row["solved_interval"]
             over = row["steps_over_shortest"]
             cells = [
@@ -303,6 +304,25 @@ def kitchens() -> str:
         *(f"`{one}`: {seen}" for one in ("event", "mechanism", "count")),
     )
     return markdown([plain_grid((*heads, "nearest / random / all pairs"), lines, "scene, way of acting; percent")])
+
+
+def proposed_boxes() -> str:
+    """Measures of relations with the true objects and with those that pictures propose, and how many of these exist."""
+    heads = ("P", "R", "F1", "F1 of links", "mechanisms", "what if", "Pred-A", "ECE (pairs)")
+    keys = ("parent_p", "parent_r", "parent_f1", "link_parent_f1", "mechanism_accuracy", "what_if", "pred_a")
+    lines, found = [], []
+    for world, reasoners in result("proposed-boxes")["rows"].items():
+        for name, ways in reasoners.items():
+            cells = [" / ".join(percent(one[key]) for one in ways.values()) for key in keys]
+            doubtful = [f"{percent(one['ece_uncertain'])} ({one['uncertain_pairs']})" for one in ways.values()]
+            lines.append((f"{world}: {name}", [*cells, " / ".join(doubtful)]))
+        told = next(iter(reasoners.values()))["proposed"]
+        shares = ("proposal_r", "proposal_r_triggers", "proposal_r_responders", "proposal_p")
+        found.append((world, [str(told["boards"]), *(percent(told[key]) for key in shares)]))
+    objects = ("boards", "found", "triggers", "responders", "of the proposed are there")
+    return markdown(
+        [plain_grid(objects, found, "objects, percent"), plain_grid(heads, lines, "percent, given / proposed")]
+    )
 
 
 def exploring() -> str:

@@ -252,8 +252,7 @@ def _curious() -> Iterator[_Line]:
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)
     told = "-" if dearest is None else f"{dearest:.0f} {_mark(dearest <= 150)}"
-    words = f"CPU-ms of a curious action, simulation and all, the dearest of {len(recorded)} worlds"
-    yield words, ("at most 150 a decision", told)
+    yield "CPU-ms of a curious action, pictures, simulation and all, dearest world", ("at most 150 a decision", told)
 
 
 def _asked_times(most: float) -> str:

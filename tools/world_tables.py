@@ -308,14 +308,13 @@ def kitchens() -> str:
 
 def proposed_boxes() -> str:
     """Measures of relations with the true objects and with those that pictures propose, and how many of these exist."""
-    heads = ("P", "R", "F1", "F1 of links", "mechanisms", "what if", "Pred-A", "ECE (pairs)")
+    heads = ("P", "R", "F1", "F1 of links", "mechanisms", "what if", "Pred-A")
     keys = ("parent_p", "parent_r", "parent_f1", "link_parent_f1", "mechanism_accuracy", "what_if", "pred_a")
     lines, found = [], []
     for world, reasoners in result("proposed-boxes")["rows"].items():
         for name, ways in reasoners.items():
             cells = [" / ".join(percent(one[key]) for one in ways.values()) for key in keys]
-            doubtful = [f"{percent(one['ece_uncertain'])} ({one['uncertain_pairs']})" for one in ways.values()]
-            lines.append((f"{world}: {name}", [*cells, " / ".join(doubtful)]))
+            lines.append((f"{world}: {name}", cells))
         told = next(iter(reasoners.values()))["proposed"]
         shares = ("proposal_r", "proposal_r_triggers", "proposal_r_responders", "proposal_p")
         found.append((world, [str(told["boards"]), *(percent(told[key]) for key in shares)]))

@@ -73,8 +73,27 @@ def test_of_several_seeds_the_mean_and_the_worst_are_told(monkeypatch: pytest.Mo
     ]
     assert figures == [
         ["time, validation", "2", "2", "96 / 99", "95 / 95 [95-95] / 95 (98 / 98 / 98)", "80 [75-85] (90)", "88 (89)",
-         "90", "70", "95 / 75", "0.10", "5 (4)"]
+         "90", "70", "-10", "95 / 75", "0.10", "5 (4)"]
     ]  # fmt: skip
+
+
+def test_beliefs_are_told_after_each_number_of_images_with_the_pairs_that_they_are_about(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def seed(error: float | None, pairs: int) -> dict[str, Any]:
+        return row(
+            uncertain=[
+                {"images": 4, "ece_uncertain": 0.05, "uncertain_pairs": 2000},
+                {"images": 8, "ece_uncertain": error, "uncertain_pairs": pairs},
+                {"images": 12, "ece_uncertain": None, "uncertain_pairs": 9},
+            ]
+        )
+
+    files = {"world-gates": {"gates": {"novel-object": {"a": seed(0.04, 700), "b": seed(None, 400)}}}}
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files.get(name, {})})
+    head, _, line = gate_tables.calibration().strip().splitlines()
+    assert head == "| points: mean (worst) of pairs | 4 images | 8 images | 12 images |"
+    assert line == "| gates, novel-object | 5.0 (5.0) of 2,000 | 4.0 (4.0) of 400 | - of 9 |"
 
 
 def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,7 +137,9 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     files = {
         "curiosity": {"gates": {part: {who: choice for who in ("curious", "greedy", "random")} for part in
                                 ("drawn", "greedy")}},
-        "curiosity-recorded": {"gates": {"recorded": {"curious": {"cpu_ms": 120.0}}}},
+        "curiosity-recorded": {
+            "gates": {"recorded": {"curious": {**choice, "cpu_ms": 120.0}, "learned": {**choice, "until": 41}}}
+        },
         "world-plans": {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")},
         **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
            for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
@@ -128,9 +149,11 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name]})
     lines = [line.strip("|").split("|") for line in gate_tables.further_gates().strip().splitlines()[2:]]
     told = {line[0].strip(): line[2].strip() for line in lines}
-    assert told["gates: actions until 95, to those of random choice"] == "10 to 10: 1.00 ✗"
-    assert told["said to know and wrong, all worlds"] == "1 of 4 (1-81) ✗"
-    assert told["CPU-ms of a curious action, simulation and all, dearest world"] == "120 ✓"
+    assert told["gates, states told: actions until 95, to those of random choice"] == "10 to 10: 1.00 ✗"
+    drawn = "gates, pictures: actions until 95, to those of a draw among known links"
+    assert told[drawn] == "10 to over 40: at most 0.24 ✓"
+    assert told["said to know and wrong, of what was said, all worlds, states told"] == "1 of 4 (1-81) ✗"
+    assert told["CPU-ms of a curious action, pictures, simulation and all, dearest world"] == "120 ✓"
     assert (
         told["time, scripted histories: goals reached"] == "95.0 ✓"
         and told["time: steps over the shortest plan"] == "-"

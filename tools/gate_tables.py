@@ -174,10 +174,10 @@ def _calibration_grid(told: _Judged) -> Grid:
 
 
 def _calibrated(after: list[dict[str, Any]]) -> str:
-    """Of the seeds after as many images; those with too few doubtful pairs have no error."""
+    """Of the seeds after as many images, if all of them have doubtful pairs enough to have an error."""
     fewest = min(one["uncertain_pairs"] for one in after)
     errors = [100 * one["ece_uncertain"] for one in after if one["ece_uncertain"] is not None]
-    told = f"{number(sum(errors) / len(errors))} ({number(max(errors))})" if errors else "-"
+    told = f"{number(sum(errors) / len(errors))} ({number(max(errors))})" if len(errors) == len(after) else "-"
     return f"{told} of {fewest:,}"
 
 

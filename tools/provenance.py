@@ -17,7 +17,7 @@ NO_COMMIT, CHANGED, SOME_ROWS = "names no commit", "changes were not committed",
 SEVERAL, NO_HASHES = "rows of several commits", "has no hashes of what it is about"
 EXPLAINED = {
     NO_COMMIT: "made before results named their commit",
-    CHANGED: "made by a commit with changes that were not committed",
+    CHANGED: "made, or some of their rows, by a commit with changes that were not committed",
     SOME_ROWS: "some of their rows name no commit",
     SEVERAL: "their rows are of several commits, which they name",
     NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
@@ -30,9 +30,9 @@ KNOWN = {
     },
     CHANGED: {
         *("bounds", "laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
-        *("worlds-procedural", "worlds-real"),
+        *("real_board", "worlds", "worlds-procedural", "worlds-real"),
     },
-    SEVERAL: {"real_board", "table1", "world-gates", "worlds"},
+    SEVERAL: {"table1", "world-gates"},
     NO_HASHES: {"mechanism-ablations", "mechanisms", "shortcuts"},
 }
 """Results that were there before that was asked of them."""
@@ -84,7 +84,7 @@ def _fault(told: dict[str, Any]) -> str | None:
     commit, rows, made = told.get("commit"), told.get("rows"), told.get("made", {})
     if commit is None:
         return NO_COMMIT
-    if str(commit).endswith("-dirty"):
+    if any(str(one).endswith("-dirty") for one in (commit, *(told["commit"] for told in made.values()))):
         return CHANGED
     rows = rows if isinstance(rows, dict) else {}
     named = {name: {*_commits(row), *_made(made, name)} for name, row in rows.items()}
@@ -97,7 +97,7 @@ def _fault(told: dict[str, Any]) -> str | None:
 
 def _made(made: dict[str, Any], row: str) -> set[str]:
     """The commits of a row and of its parts, as the file tells of what it got one after the other."""
-    return {one["commit"] for place, one in made.items() if place.split("/")[0] == row}
+    return {one["commit"] for place, one in made.items() if f"{place}/".startswith(f"{row}/")}
 
 
 def _commits(value: Any) -> Iterator[str | None]:

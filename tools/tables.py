@@ -191,6 +191,8 @@ def _seeds_cells(table: Table, row: ReferenceRow, split: str, key: str, found: l
     """Each seed, their mean with the widest interval over objects, and the gate with how many seeds reach it."""
     scores = [one.cells[split, key] for one in found]
     known = [one for one in scores if one is not None]
+    if not known:
+        return [*("-" for _ in (*scores, "mean")), ""]
     mean = Score(sum(one.value for one in known) / len(known), objects=widest(one.objects for one in known))
     verdicts = [verdict for one in scores if (verdict := judge(table, row, split, key, one))]
     reached = reaching(sum(one.reached is True for one in verdicts), len(scores))

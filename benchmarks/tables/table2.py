@@ -220,8 +220,7 @@ def procedural(words: list[str]) -> None:
         *_, splits[split] = [runner.busybot(*command) for command in commands[-3:]]
     typed = [runner.as_typed(command, {str(arguments.work): "WORK"}) for command in commands]
     told = {split: {key: one[key] for key in (*SCORES, *DETAILS)} for split, one in splits.items()}
-    seed = JUDGED["novel-config"].seed
-    runner.finish("reason-procedural", arguments, {"commands": typed, "splits": told}, seed=seed)
+    runner.finish("reason-procedural", arguments, {"commands": typed, "splits": told})  # commands tell the seeds
 
 
 def main(words: list[str]) -> None:

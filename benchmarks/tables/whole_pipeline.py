@@ -19,9 +19,7 @@ from typing import Any
 from benchmarks import runner
 from benchmarks.tables.table2 import EVENT, JUDGED, SCORES, STEPS, answered
 from benchmarks.tables.table3 import KINDS, OURS, cell, origin
-from busybot.common.process_pool import machine
 from busybot.evaluation.reference_tables import NOVEL
-from busybot.evaluation.results import commit
 from busybot.training.model_cards import file_hashes
 
 POLICIES = tuple(f"benchmarks/models/lean-free-{seed}" for seed in range(5))
@@ -33,7 +31,7 @@ def run(seed: int, policy: str, arguments: argparse.Namespace) -> dict[str, Any]
     """Record, train and judge with everything that is this seed's own."""
     work, assets = arguments.work / str(seed), arguments.assets
     work.mkdir(parents=True, exist_ok=True)
-    places = {str(work): "WORK", str(arguments.work): "SHARED", policy: "POLICY", assets: "ASSETS"}
+    places = {str(work): "WORK", policy: "POLICY", assets: "ASSETS"}
     commands: list[tuple[str, ...]] = []
 
     def recorded(name: str, split: str, boards: int, drawn: int) -> Path:
@@ -60,8 +58,6 @@ def run(seed: int, policy: str, arguments: argparse.Namespace) -> dict[str, Any]
     plans = _planned(policy, model, work / "plans", arguments, typed)
     return {
         "commands": typed,
-        "commit": commit(),
-        "machine": machine(),
         "policy": {"model_sha256": file_hashes(Path(policy))},
         "training": {key: value for key, value in told.items() if key not in ("out", "model")},
         "relations": relations,
@@ -96,8 +92,8 @@ def main(words: list[str]) -> None:
         "assets": runner.assets_name(arguments.assets),
         "rows": runner.told_rows(arguments.out, "whole-pipeline"),
     }
-    numbers = range(len(arguments.policies))
-    for seed in map(int, runner.chosen(arguments.seeds, list(map(str, numbers)))) if arguments.seeds else numbers:
+    every = [str(number) for number in range(len(arguments.policies))]
+    for seed in map(int, runner.chosen(arguments.seeds or ",".join(every), every)):
         row = result["rows"][str(seed)] = run(seed, arguments.policies[seed], arguments)
         runner.finish("whole-pipeline", arguments, result, seed=FIRST_SEED)  # rows have hashes and seeds of their own
         for split, scores in row["relations"].items():

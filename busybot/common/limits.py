@@ -39,6 +39,8 @@ MAX_VIDEO_SECONDS = 600.0
 """To decode a video's frames."""
 MAX_TABLE_BYTES = 1024 * MIB
 """Of a Parquet file of a table."""
+MAX_ANSWERS_BYTES = 32 * MIB
+"""Of a file of answers to questions "what if": some thousands of boards."""
 MAX_LINES_BYTES = 256 * MIB
 """Of a file with a line of JSON per board."""
 MAX_JSON_BYTES = 64 * MIB

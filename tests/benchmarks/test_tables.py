@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks import runner
 from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
+from benchmarks.studies import proposed_boxes
 from benchmarks.tables import table1, table2, table3, whole_pipeline
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
@@ -212,6 +213,27 @@ def test_a_result_tells_of_rows_that_came_one_after_the_other_who_made_which(tmp
     assert written("e", {"x": {"two": 2}, "z": 1}) == {"x": "e", "z": "b"}, "a row that lost a part is new as a whole"
     out.write_text(json.dumps({"rows": {"x": 1}}))
     assert written("f", {"x": 1, "y": 1}) == {"y": "f"}, "nobody said of x who made it"
+    assert written("g", {"y": 1, "gates/train": {"a": 1}}) == {"y": "f", "gates/train": "g"}
+    assert written("h", {"y": 2, "gates/train": {"a": 1}}) == {"gates/train": "g", "y": "h"}
+
+
+def test_proposed_boxes_are_judged_beside_given_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        asked.append(arguments)
+        f1 = 0.9 if "given" in arguments else 0.8
+        results = [dict.fromkeys(proposed_boxes.KEYS) | {"parent_f1": f1} for _ in proposed_boxes.REASONERS]
+        return {"results": results}
+
+    monkeypatch.setattr(runner, "busybot", answer)
+    out = tmp_path / "o.json"
+    proposed_boxes.main(["--data", str(tmp_path), "--out", str(out), "--only", "gates"])
+    rows = read_result(out, "proposed-boxes")["rows"]
+    assert rows["gates"]["mechanism"]["given"]["parent_f1"] == 0.9
+    assert rows["gates"]["count"]["proposed"]["parent_f1"] == 0.8
+    assert len(asked) == 2 and all(words[2] == f"{tmp_path}/gates/validation" for words in asked)
+    assert [words[words.index("--boxes") + 1] for words in asked] == ["given", "proposed"]
 
 
 def test_what_ships_is_judged_on_its_own_objects(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,7 +241,7 @@ def test_what_ships_is_judged_on_its_own_objects(tmp_path: Path, monkeypatch: py
     out = tmp_path / "o.json"
     table2.procedural(["--work", str(tmp_path / "w"), "--out", str(out), "--boards", "3"])
     told = read_result(out, "reason-procedural")
-    assert told["splits"]["novel-object"]["edge_p"] == 1.0 and told["seed"] == 603
+    assert told["splits"]["novel-object"]["edge_p"] == 1.0 and told["seed"] is None
     assert told["commands"][3:] == [
         "busybot generate WORK/novel-object --split novel-object --boards 3 --seed 604 --group-size 1 "
         "--assets procedural",

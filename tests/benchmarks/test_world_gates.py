@@ -93,7 +93,7 @@ def test_beliefs_are_told_after_each_number_of_images_with_the_pairs_that_they_a
     monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files.get(name, {})})
     head, _, line = gate_tables.calibration().strip().splitlines()
     assert head == "| points: mean (worst) of pairs | 4 images | 8 images | 12 images |"
-    assert line == "| gates, novel-object | 5.0 (5.0) of 2,000 | 4.0 (4.0) of 400 | - of 9 |"
+    assert line == "| gates, novel-object | 5.0 (5.0) of 2,000 | - of 400 | - of 9 |"
 
 
 def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:

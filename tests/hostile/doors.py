@@ -19,6 +19,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
 from busybot.reason.evaluation.graph_files import read_graphs
 from busybot.reason.evaluation.play import TextGames, make_work, summarised
+from busybot.reason.evaluation.questions import asked_about, judge_answers, lines, read_answers
 from busybot.sim.scene.render import RenderConfig, camera_model
 from tests.datasets.camera_folders import write_camera_folder
 from tests.datasets.test_checkerboard import ACROSS, BOARD, FOCAL, HEIGHT, WIDTH, pictures
@@ -183,6 +184,18 @@ def _judged(folder: Path) -> Any:
     return {name: told[name] for name in ("model", "edge_p", "edge_r", "edge_acc", "parent_f1", "brier", "shd")}
 
 
+def _questions(folder: Path) -> None:
+    make_dataset(folder / "d", boards=2, finished=(0, 1))
+    (folder / "q.jsonl").write_text(lines(asked_about(Dataset.open(folder / "d"))))
+
+
+def _answered(folder: Path) -> Any:
+    dataset, given = Dataset.open(folder / "d"), read_answers(folder / "q.jsonl")
+    told = judge_answers(dataset, asked_about(dataset), given)
+    json.dumps(told, allow_nan=False)
+    return {name: told[name] for name in ("pairs", "right", "what_if")}
+
+
 def _answers(folder: Path) -> None:
     lines = [{"link": 0, "direction": "forward"}, {"link": 0, "direction": "back"}, {"link": None}]
     lines += [{"know": [{"link": 0, "controls": 1, "why": "it glowed"}, {"object": 1, "controls": 1}]}]
@@ -237,5 +250,6 @@ DOORS: dict[str, Target] = {
         CLAIMS,
         8,
     ),
+    "answers to questions": Target(_questions, "q.jsonl", (*LINES, *TEXT), _answered, False, CLAIMS, 2),
     "answers of programs": Target(_answers, "answers", (*LINES, *TEXT), _played, False, CLAIMS, 2),
 }

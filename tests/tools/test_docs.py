@@ -134,6 +134,28 @@ def test_a_seed_of_the_whole_pipeline_stands_beside_its_own_policy(results: Path
         tables.whole_pipeline()
 
 
+def test_of_all_or_nothing_bounds_are_exact() -> None:
+    assert tables.exact(1.0, [1.0, 1.0], 30)[0] == pytest.approx(0.025 ** (1 / 30))
+    assert tables.exact(0.0, [0.0, 0.0], 30)[1] == pytest.approx(1 - 0.025 ** (1 / 30))
+    assert tables.exact(0.5, [0.4, 0.6], 30) == [0.4, 0.6]
+
+
+def test_boxes_that_pictures_propose_stand_beside_given_ones(results: Path) -> None:
+    def judged(f1: float | None, **found: float | None) -> dict[str, Any]:
+        keys = ("parent_p", "parent_r", "parent_f1", "link_parent_f1", "mechanism_accuracy", "what_if", "pred_a")
+        shares = ("proposal_r", "proposal_r_triggers", "proposal_r_responders", "proposal_p")
+        return {"boards": 60} | dict.fromkeys(keys, f1) | dict.fromkeys(shares) | found
+
+    given, found = judged(0.9), judged(0.8, proposal_r=0.96, proposal_p=0.5)
+    rows = {
+        "gates": {"event": {"given": given, "proposed": found}, "count": {"given": given, "proposed": judged(None)}}
+    }
+    put(results, "proposed-boxes", "proposed-boxes", rows=rows)
+    told = rows_of(world_tables.proposed_boxes())
+    assert told["gates"] == ["60", "96.0", "-", "-", "50.0"]
+    assert told["gates: event"] == ["90.0 / 80.0"] * 7 and told["gates: count"] == ["90.0 / -"] * 7
+
+
 def planned(success: float) -> dict[str, Any]:
     return {"success": success, "seeds": [success], "object_interval": [0.5, 1.0]}
 
@@ -334,6 +356,13 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
     put(results, "grown", "table1", commit="a1", rows={"first": {}, "other": {}}, made={"first": made["first"]}, **data)
     with pytest.raises(BusybotError, match="grown: some rows name no commit"):
         provenance.part()
+    made = {"first": {"commit": "a1-dirty"}, "other": {"commit": "a1-dirty"}}
+    put(results, "grown", "table1", commit="a1", rows={"first": {}, "other": {}}, made=made, **data)
+    with pytest.raises(BusybotError, match="grown: changes were not committed"):
+        provenance.part()
+    made = {"first/train": {"commit": "a1"}}
+    put(results, "grown", "table1", commit="a1", rows={"first/train": {}}, made=made, **data)
+    assert "grown" not in provenance.part()
     (results / "grown.json").unlink()
     put(results, "old", "table1", commit="a2", **data)
     with pytest.raises(BusybotError, match="old: its making is known now"):

@@ -362,7 +362,7 @@ def what_if(
     from busybot.common.atomic_io import write_atomically
     from busybot.datasets.dataset import Dataset
     from busybot.evaluation.results import write_result
-    from busybot.reason.evaluation.questions import asked_about, judge_answers, lines
+    from busybot.reason.evaluation.questions import asked_about, judge_answers, lines, read_answers
 
     if (questions is None) == (answers is None):
         raise UsageError("what-if writes questions or judges answers", "give --questions FILE or --answers FILE")
@@ -370,28 +370,25 @@ def what_if(
         raise UsageError("--out is about answers", "give --answers, too, or leave --out out")
     check_file("--questions", questions, "questions.jsonl")
     check_file("--out", out, "what-if.json")
+    target, given = Dataset.open(dataset), None if answers is None else read_answers(answers)
     with episode_progress("asking") as progress:
-        target = Dataset.open(dataset)
-        asked = list(asked_about(target, assets, images, processes(workers), progress))
+        asked = asked_about(target, assets, images, processes(workers), progress)
     boards = len({one.board for one in asked})
     if questions is not None:
         write_atomically(questions, lines(asked).encode())
         facts = {"questions": len(asked), "boards": boards, "file": questions}
         answer(json, facts, f"wrote {questions}: {counted(len(asked), 'pair')} about {counted(boards, 'board')}")
         return
-    assert answers is not None
-    result = judge_answers(target, asked, answers, images, seed)
+    assert given is not None
+    result = judge_answers(target, asked, given, images, seed)
     result["command"] = _command_again("what-if", dataset, None, None, answers=answers, images=images, seed=seed)
     if out is not None:
         write_result(out, result)
         say(f"wrote {out}")
-    within = result["intervals"]["what_if"]
-    told = "-" if within is None else f"{100 * result['what_if']:.1f} % (95 % over boards: {_ends(within)})"
-    answer(json, result, f"{result['right']} of {counted(result['pairs'], 'pair')} told rightly: {told}")
-
-
-def _ends(within: tuple[float, float]) -> str:
-    return f"{100 * within[0]:.1f} to {100 * within[1]:.1f}"
+    if json:
+        print_json(result)
+    else:
+        printing.answers(result)
 
 
 def _write(folder: Path | None, result: dict[str, Any]) -> None:

@@ -50,6 +50,13 @@ class ToldGraphs:
             self.unjudged += [f"board {judged.board.index}: {line}" for line in graph_lines(values)]
 
 
+def answers(result: dict[str, Any]) -> None:
+    """How many pairs of questions "what if" were answered rightly."""
+    low, high = (100 * end for end in result["intervals"]["what_if"])
+    share = f"{_percent(result['what_if'])} % (95 % over boards: {low:.1f} to {high:.1f})"
+    tell(f"{result['right']} of {counted(result['pairs'], 'pair')} answered rightly: {share}")
+
+
 def reasoning(result: dict[str, Any], unjudged: Sequence[str] = ()) -> None:
     """The relations, then what was predicted, each with what stands beside it."""
     for line in unjudged[:MOST_LINES]:

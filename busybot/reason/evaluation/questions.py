@@ -12,7 +12,8 @@ Variables are named, and states counted, as in the tables of `busybot dataset ex
 has the same lines, with answers of its own.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from busybot.boards.true_causes import VariableNames
 from busybot.common.atomic_io import parse_json, read_text, sha256_of
 from busybot.common.errors import BusybotError, naming
 from busybot.common.frozen_model import first_fault
+from busybot.common.limits import MAX_ANSWERS_BYTES
 from busybot.common.process_pool import Progress, share
 from busybot.common.rng import generator
 from busybot.datasets.bundled_assets import library_of
@@ -43,7 +45,6 @@ from busybot.reason.evaluation.what_if import moved_link
 from busybot.reason.inputs.observation import acted_objects, observe_episode, pushes_of
 
 KIND = "what-if"
-MAX_FILE_BYTES = 256 * 1024 * 1024
 HINT = "`busybot eval what-if DATASET --questions FILE` writes such lines"
 States = tuple[int, ...]
 
@@ -68,9 +69,9 @@ class Question(_Read):
 
     board: int = Field(ge=0)
     question: int = Field(ge=0)
-    step: int = 0
-    link: str = ""
-    actions: int = 0
+    step: int
+    link: str
+    actions: int
     answers: dict[str, Answer]
 
 
@@ -107,22 +108,26 @@ def asked_about(
     images: int = IMAGES,
     workers: int = 1,
     progress: Progress | None = None,
-) -> Iterator[Question]:
+) -> list[Question]:
     """The pairs about all recorded boards of a dataset, in their order.
 
     Raises:
-        BusybotError: nothing is recorded.
+        BusybotError: nothing is recorded, or there is nothing to ask about it.
     """
     indices = sorted(dataset.finished())
     if not indices:
         raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
-    known = any(board.world != PAPER for board in dataset.boards())
-    work = partial(_questions_in, library=library_of(dataset, assets) if known else None, images=images)
-    files = [dataset.episode_path(index) for index in indices]
+    needed = any(board.world != PAPER for board in dataset.boards())
+    work = partial(_questions_in, library=library_of(dataset, assets) if needed else None, images=images)
+    files, asked = [dataset.episode_path(index) for index in indices], list[Question]()
     for done, found in enumerate(share(work, files, workers), start=1):
-        yield from found
+        asked += found
         if progress is not None:
             progress(done, len(files))
+    if not asked:
+        what = f"{dataset.path}: nothing to ask: no board knows its states, or no action made a difference"
+        raise BusybotError(what, "record simulated boards, with a policy that moves links")
+    return asked
 
 
 def _questions_in(file: Path, library: Library | None, images: int) -> list[Question]:
@@ -135,73 +140,111 @@ def lines(questions: Iterable[Question]) -> str:
     return "".join(f"{one.model_dump_json()}\n" for one in questions)
 
 
-def read_answers(path: Path) -> dict[tuple[int, int], Question]:
-    """Answers by board and question.
+@dataclass(frozen=True)
+class GivenAnswers:
+    """Anybody's answers, by board and question, and where they come from."""
+
+    path: Path
+    answers: dict[tuple[int, int], Question]
+
+    def to(self, asked: Question) -> Question:
+        """The answers to a pair of questions.
+
+        Raises:
+            BusybotError: there are none, they are to another question, or a responder has none.
+        """
+        place = f"{self.path}: board {asked.board}, question {asked.question}"
+        given = self.answers.get((asked.board, asked.question))
+        if given is None:
+            raise BusybotError(f"{place}: there is no answer", "answer all questions; a guess counts as one")
+        about = [(one.step, one.link, one.actions) for one in (asked, given)]
+        if about[0] != about[1]:
+            what = f"{place}: it is about {_words(given)}, what is asked about {_words(asked)}"
+            raise BusybotError(what, "keep the questions as they were written; --images asks others")
+        for name in asked.answers:
+            told = given.answers.get(name)
+            if told is None:
+                raise BusybotError(
+                    f"{place}: there is no answer for {name}", "answer for all responders that are named"
+                )
+            for way in ("happened", "otherwise"):
+                if len(getattr(told, way)) != asked.actions:
+                    what = f"{place}: {name}: {way} has {len(getattr(told, way))} states for {asked.actions} actions"
+                    raise BusybotError(what, "name the state after each action")
+        return given
+
+
+def _words(one: Question) -> str:
+    return f"{one.link} after step {one.step}, {one.actions} actions"
+
+
+def read_answers(path: Path) -> GivenAnswers:
+    """Read a file of answers.
 
     Raises:
         BusybotError: naming the line and what is wrong with it.
     """
     found: dict[tuple[int, int], Question] = {}
-    for number, line in enumerate(read_text(path, MAX_FILE_BYTES, HINT).splitlines(), start=1):
+    for number, line in enumerate(read_text(path, MAX_ANSWERS_BYTES, HINT).split("\n"), start=1):
         if not line.strip():
             continue
         with naming(f"{path}: line {number}"):
-            try:
-                told = Question.model_validate(parse_json(line))
-            except ValidationError as error:
-                raise BusybotError(first_fault(error), HINT) from None
+            told = _question(line)
             if (told.board, told.question) in found:
                 what = f"a second answer to question {told.question} of board {told.board}"
                 raise BusybotError(what, "answer each question once")
         found[told.board, told.question] = told
-    return found
+    return GivenAnswers(path, found)
+
+
+def _question(line: str) -> Question:
+    try:
+        return Question.model_validate(parse_json(line))
+    except ValidationError as error:
+        raise BusybotError(first_fault(error), HINT) from None
+    except (ValueError, RecursionError) as error:  # of JSON, and of numbers with thousands of digits
+        raise BusybotError(f"not valid JSON: {error}", HINT) from None
 
 
 def judge_answers(
-    dataset: Dataset, asked: Sequence[Question], path: Path, images: int = IMAGES, seed: int = 0
+    dataset: Dataset, asked: Sequence[Question], given: GivenAnswers, images: int = IMAGES, seed: int = 0
 ) -> dict[str, Any]:
-    """Compare a file's answers with the truth; JSON values.
+    """Compare answers with the truth; JSON values.
 
     `what_if` is the share of pairs of which every responder is told rightly after every action, both ways.
 
     Args:
         asked: all pairs about the dataset.
+        images: that they were asked about.
         seed: of the bootstrap.
 
     Raises:
-        BusybotError: a question, or a responder of one, has no answer, or as many states as it has no actions.
+        BusybotError: a pair is not answered as it was asked, or one is answered that was not asked.
     """
-    given = read_answers(path)
-    right = np.array([_told_rightly(one, given.get((one.board, one.question)), path) for one in asked], bool)
+    if others := given.answers.keys() - {(one.board, one.question) for one in asked}:
+        board, question = min(others)
+        what = f"{given.path}: board {board}, question {question}: nobody asked that"
+        raise BusybotError(what, "answer the questions about this dataset, with the same --images")
+    right = np.array([_rightly(one, given.to(one)) for one in asked], bool)
     boards = np.unique([one.board for one in asked], return_inverse=True)[1]
     part, whole = np.bincount(boards, right), np.bincount(boards)
-    rng = generator(seed, dataset.info.split, 0, "reason/bootstrap-what-if")
-    chosen = rng.integers(len(whole), size=(DRAWS, len(whole))) if len(whole) else np.zeros((DRAWS, 0), int)
-    about = origin(dataset)
+    chosen = generator(seed, dataset.info.split, 0, "reason/bootstrap-what-if").integers(
+        len(whole), size=(DRAWS, len(whole))
+    )
+    about, file = origin(dataset), given.path
     data = {about["name"]: {key: about[key] for key in ("board_hash", "trace_hash", "content_hash")}}
     result = {
-        **stamp(KIND, hashes={"models": {path.name: sha256_of(path)}, "data": data}),
+        **stamp(KIND, seed=seed, hashes={"models": {file.name: sha256_of(file)}, "data": data}),
         "images": images,
         "boards": len(whole),
         "pairs": len(asked),
         "right": int(right.sum()),
-        "what_if": float(right.mean()) if len(asked) else None,
-        "intervals": {"what_if": interval_over_boards(part, whole, chosen) if len(whole) else None},
+        "what_if": float(right.mean()),
+        "intervals": {"what_if": interval_over_boards(part, whole, chosen)},
         "dataset": about,
     }
-    return {**result, "logged": log_judgement(dataset, {one.board for one in asked}, path.name, result)}
+    return {**result, "logged": log_judgement(dataset, {one.board for one in asked}, file.name, result)}
 
 
-def _told_rightly(asked: Question, given: Question | None, path: Path) -> bool:
-    place = f"{path}: board {asked.board}, question {asked.question}"
-    if given is None:
-        raise BusybotError(f"{place}: there is no answer", "answer all questions; a guess counts as one")
-    for name in asked.answers:
-        told = given.answers.get(name)
-        if told is None:
-            raise BusybotError(f"{place}: there is no answer for {name}", "answer for all responders that are named")
-        for way in ("happened", "otherwise"):
-            if len(getattr(told, way)) != asked.actions:
-                what = f"{place}: {name}: {way} has {len(getattr(told, way))} states for {asked.actions} actions"
-                raise BusybotError(what, "name the state after each action")
+def _rightly(asked: Question, given: Question) -> bool:
     return all(given.answers[name] == answer for name, answer in asked.answers.items())

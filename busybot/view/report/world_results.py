@@ -397,9 +397,9 @@ def _judged_rows(models: Mapping[str, _Gate]) -> list[WorldRow]:
         points = {int(n): told for n, told in first.after.items() if n.isdigit()}
         objects = {n: (None, None, told.parent_f1_bound) for n, told in points.items()}
         links = {n: (None, None, told.link_parent_f1_bound) for n, told in points.items()}
-        told = {"mechanism_accuracy": first.mechanism_bound, "rewirings": first.rewirings, "boards": first.boards}
-        told |= {"rewired_found": first.rewired_found_bound, "rewired_placed": first.rewired_placed_bound}
-        bound = _Gate.model_validate({**told, "after": {}})
+        known = {"mechanism_accuracy": first.mechanism_bound, "rewirings": first.rewirings, "boards": first.boards}
+        known |= {"rewired_found": first.rewired_found_bound, "rewired_placed": first.rewired_placed_bound}
+        bound = _Gate.model_validate({**known, "after": {}})
         found.append(WorldRow(OBSERVER, first.boards, objects, links, bound=True, found=bound))
     return found
 

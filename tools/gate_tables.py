@@ -274,14 +274,16 @@ def _times(own: int, other: int, most: int, limit: float) -> str:
 
 def _plans() -> Iterator[_Line]:
     """Success of plans through mechanisms and how long they are."""
-    rows = result("world-plans")["rows"]
-    for world in ("gates", "time", "chain"):
-        told = rows[world]["agents"]["mechanism"]
-        success, steps = told["success"], told["steps_over_shortest"]
-        words = f"{world}, scripted histories: goals reached"
-        yield _line(words, _Gate("", success, 0.93), number(100 * success))
-        shown = "-" if steps is None else f"{steps:.2f} {_mark(steps <= 1.3)}"
-        yield f"{world}: steps over the shortest plan", ("at most 1.3", shown)
+    for file, history in (("world-plans-learned", "learned"), ("world-plans", "scripted")):
+        rows = result(file)["rows"]
+        for world in ("gates", "time", "chain"):
+            told = rows[world]["agents"]["mechanism"]
+            success, steps = told["success"], told["steps_over_shortest"]
+            place = f"{world}, {history} histories"
+            moved = _where_all_moved(rows[world]) if history == "learned" else ""
+            yield _line(f"{place}: goals reached", _Gate("", success, 0.93), number(100 * success) + moved)
+            shown = "-" if steps is None else f"{steps:.2f} {_mark(steps <= 1.3)}"
+            yield f"{place}: steps over the shortest plan", ("at most 1.3", shown)
     for file, history in (("lock-plans", "scripted"), ("lock-plans-curious", "curious")):
         for name, limit in (("lock-1-to-4", 0.9), ("lock-5-to-8", 0.7)):
             told = result(file)["rows"][name]

@@ -140,7 +140,8 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         "curiosity-recorded": {
             "gates": {"recorded": {"curious": {**choice, "cpu_ms": 120.0}, "learned": {**choice, "until": 41}}}
         },
-        "world-plans": {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")},
+        **{name: {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")}
+           for name in ("world-plans", "world-plans-learned")},
         **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
            for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
                               ("lock-plans-curious", {}))},
@@ -156,7 +157,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     assert told["CPU-ms of a curious action, pictures, simulation and all, dearest world"] == "120 ✓"
     assert (
         told["time, scripted histories: goals reached"] == "95.0 ✓"
-        and told["time: steps over the shortest plan"] == "-"
+        and told["time, learned histories: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
     of_seen = "95.0 (100.0 of the 3 whose links had all moved) ✓"

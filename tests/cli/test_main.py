@@ -114,7 +114,7 @@ MODELS = {
     "--model": {"collect", "eval interact", "view", "report", "demo"},
     "--reasoner": {"collect", "eval reason", "eval plan", "view", "report"},
     "--variant": {"train interact", "train reason"},
-    "--images": {"eval reason"},
+    "--images": {"eval reason", "eval what-if"},
     "--image-format": {"collect"},
 }
 

@@ -282,12 +282,12 @@ def made(before: dict[str, Any], result: dict[str, Any]) -> dict[str, dict[str, 
     kept = {
         place: told
         for place, told in before.get("made", {}).items()
-        if any(_within(place, row) for row in rows) and not any(_within(place, one) for one in fresh)
+        if any(within(place, row) for row in rows) and not any(within(place, one) for one in fresh)
     }
     return kept | dict.fromkeys(fresh, {key: result[key] for key in ("commit", "machine")})
 
 
-def _within(place: str, other: str) -> bool:
+def within(place: str, other: str) -> bool:
     """Whether it is that place or a part of it; names of rows may hold a slash, too."""
     return f"{place}/".startswith(f"{other}/")
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from benchmarks.runner import within
 from busybot.common.errors import BusybotError
 from tools import tables
 
@@ -84,7 +85,7 @@ def _fault(told: dict[str, Any]) -> str | None:
     commit, rows, made = told.get("commit"), told.get("rows"), told.get("made", {})
     if commit is None:
         return NO_COMMIT
-    if any(str(one).endswith("-dirty") for one in (commit, *(told["commit"] for told in made.values()))):
+    if any(str(one).endswith("-dirty") for one in (commit, *(part["commit"] for part in made.values()))):
         return CHANGED
     rows = rows if isinstance(rows, dict) else {}
     named = {name: {*_commits(row), *_made(made, name)} for name, row in rows.items()}
@@ -97,7 +98,7 @@ def _fault(told: dict[str, Any]) -> str | None:
 
 def _made(made: dict[str, Any], row: str) -> set[str]:
     """The commits of a row and of its parts, as the file tells of what it got one after the other."""
-    return {one["commit"] for place, one in made.items() if f"{place}/".startswith(f"{row}/")}
+    return {one["commit"] for place, one in made.items() if within(place, row)}
 
 
 def _commits(value: Any) -> Iterator[str | None]:

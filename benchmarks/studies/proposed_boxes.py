@@ -1,7 +1,7 @@
 """What is lost where nobody gives the objects: proposed boxes beside the true ones, for every measure of relations.
 
     python -m benchmarks.studies.proposed_boxes --data DATA --assets DIR --out benchmarks/results/proposed-boxes.json
-        [--only paper,gates,mixed]
+        [--only gates,time]
 
 DATA is what `benchmarks.tables.worlds record` makes: of each world the boards of `validation`, of the training split,
 on which nothing is trained, are judged twice by what ships with busybot, as `busybot eval reason --boxes` does it.
@@ -16,7 +16,6 @@ from benchmarks import runner
 from benchmarks.tables.worlds import NAMES
 
 KIND = "proposed-boxes"
-WORLDS = ("paper", "gates", "mixed")
 REASONERS = ("event", "mechanism", "count")
 BOXES = ("given", "proposed")
 KEYS = (
@@ -42,7 +41,7 @@ def judged(world: str, options: argparse.Namespace) -> dict[str, dict[str, Any]]
 def main(words: list[str]) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--data", type=Path, required=True, help="recorded boards of worlds")
-    options.add_argument("--only", default=",".join(WORLDS), help="names of worlds, comma-separated")
+    options.add_argument("--only", default=",".join(NAMES), help="names of worlds, comma-separated; all by default")
     arguments = options.parse_args(words)
     rows: dict[str, Any] = runner.told_rows(arguments.out, KIND)
     for world in runner.chosen(arguments.only, NAMES):

@@ -65,6 +65,15 @@ class RecordedSplit:
     seed: int
 
 
+def recording(
+    folder: Path, one: RecordedSplit, boards: int, assets: str, policy: tuple[str, ...]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The commands that draw so many boards of a split and act on them; procedural objects are found by themselves."""
+    found = () if assets == "procedural" else ("--assets", assets)
+    acting = ("--steps", str(STEPS), "--policy", *policy, "--seed", str(one.seed), *found)
+    return runner.generating(folder, one.split, boards, one.seed, assets), ("collect", str(folder), *acting)
+
+
 JUDGED = {
     "novel-object": RecordedSplit("novel-object", 300, 604),
     "novel-config": RecordedSplit("novel-config", 300, 603),
@@ -195,11 +204,11 @@ def record(words: list[str]) -> None:
     arguments = options.parse_args(words)
     recordings = {**LEARNED, **{f"random/{name}": one for name, one in RANDOM.items()}}
     for name in runner.chosen(arguments.only, recordings) if arguments.only else recordings:
-        one, folder, assets = recordings[name], arguments.data / name, arguments.assets
+        one = recordings[name]
         policy = ("random",) if name.startswith("random/") else ("learned", "--model", arguments.model)
-        runner.busybot(*runner.generating(folder, one.split, min(arguments.most, one.boards), one.seed, assets))
-        acting = ("--steps", str(STEPS), "--policy", *policy, "--seed", str(one.seed), "--assets", assets)
-        runner.busybot("collect", str(folder), *acting)
+        boards = min(arguments.most, one.boards)
+        for command in recording(arguments.data / name, one, boards, arguments.assets, policy):
+            runner.busybot(*command)
 
 
 def procedural(words: list[str]) -> None:
@@ -211,12 +220,9 @@ def procedural(words: list[str]) -> None:
     commands: list[tuple[str, ...]] = []
     splits = {}
     for split in NOVEL:
-        folder, drawn = arguments.work / split, JUDGED[split].seed
-        commands += (
-            runner.generating(folder, split, arguments.boards, drawn, "procedural"),
-            ("collect", str(folder), "--steps", str(STEPS), "--policy", "learned", "--seed", str(drawn)),
-            ("eval", "reason", str(folder), "--reasoner", DEFAULT_REASONER),
-        )
+        folder = arguments.work / split
+        commands += recording(folder, JUDGED[split], arguments.boards, "procedural", ("learned",))
+        commands.append(("eval", "reason", str(folder), "--reasoner", DEFAULT_REASONER))
         *_, splits[split] = [runner.busybot(*command) for command in commands[-3:]]
     typed = [runner.as_typed(command, {str(arguments.work): "WORK"}) for command in commands]
     told = {split: {key: one[key] for key in (*SCORES, *DETAILS)} for split, one in splits.items()}

@@ -13,11 +13,12 @@ result as soon as it is judged; with `--seeds` others are left as they are there
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
-from benchmarks.tables.table2 import EVENT, JUDGED, SCORES, STEPS, answered
+from benchmarks.tables.table2 import EVENT, JUDGED, SCORES, RecordedSplit, answered, recording
 from benchmarks.tables.table3 import KINDS, OURS, cell, origin
 from busybot.evaluation.reference_tables import NOVEL
 from busybot.training.model_cards import file_hashes
@@ -34,22 +35,19 @@ def run(seed: int, policy: str, arguments: argparse.Namespace) -> dict[str, Any]
     places = {str(work): "WORK", policy: "POLICY", assets: "ASSETS"}
     commands: list[tuple[str, ...]] = []
 
-    def recorded(name: str, split: str, boards: int, drawn: int) -> Path:
-        folder = work / name
-        acting = ("--steps", str(STEPS), "--policy", "learned", "--model", policy, "--seed", str(drawn))
-        commands.append(runner.generating(folder, split, boards, drawn, assets))
-        commands.append(("collect", str(folder), *acting, "--assets", assets))
+    def recorded(name: str, one: RecordedSplit) -> Path:
+        commands.extend(recording(work / name, one, one.boards, assets, ("learned", "--model", policy)))
         for command in commands[-2:]:
             runner.busybot(*command)
-        return folder
+        return work / name
 
-    train, model = recorded("train", "train", arguments.boards, FIRST_SEED + seed), work / "event"
+    own = RecordedSplit("train", arguments.boards, FIRST_SEED + seed)
+    train, model = recorded("train", own), work / "event"
     commands.append(("train", "reason", *EVENT, "--data", str(train), "--out", str(model), "--seed", str(seed)))
     told = runner.train(model, *commands[-1])
     relations = {}
     for split in NOVEL:
-        one = JUDGED[split]
-        folder = recorded(split, one.split, arguments.judged, one.seed)
+        folder = recorded(split, replace(JUDGED[split], boards=arguments.judged))
         commands.append(
             ("eval", "reason", str(folder), "--reasoner", str(model), "--decoders", str(train), "--assets", assets)
         )

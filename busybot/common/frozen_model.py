@@ -9,6 +9,12 @@ class FrozenModel(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class GivenModel(BaseModel):
+    """What a stranger's file holds: values of the right type; keys that nobody knows are left alone."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
+
+
 def first_fault(error: ValidationError) -> str:
     """The first of a validation's complaints, with the place that it is about."""
     first = error.errors()[0]

@@ -88,6 +88,13 @@ def retold(table: str, **columns: Any) -> Callable[[Path], object]:
     return changed
 
 
+def repeated(folder: Path) -> None:
+    """The last recording has another row of its own."""
+    file = folder / "data" / "episodes" / PART
+    rows = pq.read_table(file)
+    pq.write_table(pa.concat_tables([rows, rows.slice(len(rows) - 1)]), file)
+
+
 def spoilt(values: list[Any], place: int, value: Any) -> list[Any]:
     return [*values[:place], value, *values[place + 1 :]]
 
@@ -98,6 +105,7 @@ ODD_TABLES: dict[str, tuple[Callable[[Path], object], str]] = {
         retold("objects", episode=lambda v: [0] * len(v)),
         "episode 1 is in the table `episodes` and not in `objects`",
     ),
+    "a recording that is told of twice": (repeated, "episodes/part-00000.parquet: episode 1 has 2 rows, and not one"),
     "a recording in two places": (retold("frames", episode=lambda v: spoilt(v, 3, 1)), "is in two places"),
     "no number": (retold("frames", episode=lambda v: spoilt(v, 0, -1)), "row 1: -1 is no number"),
     "no picture": (retold("frames", rgb=lambda v: spoilt(v, 8, None)), f"{PART}: row 9: rgb"),

@@ -160,6 +160,10 @@ def exported_recordings(source: Path) -> Sequence[ExportedRecording]:
             there, missing = (name, "episodes") if odd in parts else ("episodes", name)
             what = f"{tables[there][odd].file}: episode {odd} is in the table `{there}` and not in `{missing}`"
             raise BusybotError(what, "export the dataset again")
+    for index, part in tables["episodes"].items():
+        if part.count > 1:  # a small file may have millions, and each would be read
+            what = f"{part.file}: episode {index} has {part.count:,} rows, and not one"
+            raise BusybotError(what, "export the dataset again")
     return [
         RecordingRows(index, {name: parts[index] for name, parts in tables.items()})
         for index in sorted(tables["episodes"])

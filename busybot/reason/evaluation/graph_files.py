@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from busybot.common.atomic_io import read_json, sha256_of, write_atomically, write_json
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import first_fault
+from busybot.common.frozen_model import GivenModel, first_fault
 from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
 
@@ -31,18 +31,14 @@ OVERLAP = 0.5
 HINT = "docs/guides/reason.md shows such a file"
 
 
-class _Read(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
-
-
-class Node(_Read):
+class Node(GivenModel):
     """An object; `box` decides which, or `id` as its number on the board where there is no box."""
 
     id: int | str
     box: tuple[float, float, float, float] | None = Field(None, strict=False)
 
 
-class GraphEdge(_Read):
+class GraphEdge(GivenModel):
     """A claim that one node controls another."""
 
     cause: int | str = Field(alias="from")
@@ -52,7 +48,7 @@ class GraphEdge(_Read):
     lag: int | None = Field(None, ge=0, le=1000)
 
 
-class GraphFile(_Read):
+class GraphFile(GivenModel):
     """Anybody's graph of a board; without nodes, `from` and `to` are numbers of objects."""
 
     board: int = 0

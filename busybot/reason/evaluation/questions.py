@@ -19,13 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from busybot.boards.spec import PAPER
 from busybot.boards.true_causes import VariableNames
 from busybot.common.atomic_io import parse_json, read_text, sha256_of
 from busybot.common.errors import BusybotError, naming
-from busybot.common.frozen_model import first_fault
+from busybot.common.frozen_model import GivenModel, first_fault
 from busybot.common.limits import MAX_ANSWERS_BYTES
 from busybot.common.process_pool import Progress, share
 from busybot.common.rng import generator
@@ -49,18 +49,14 @@ HINT = "`busybot eval what-if DATASET --questions FILE` writes such lines"
 States = tuple[int, ...]
 
 
-class _Read(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="ignore", strict=True)
-
-
-class Answer(_Read):
+class Answer(GivenModel):
     """States of a responder after each action, as it happened and had the first one moved nothing."""
 
     happened: States = Field(strict=False)
     otherwise: States = Field(strict=False)
 
 
-class Question(_Read):
+class Question(GivenModel):
     """A pair of questions; see the module.
 
     Attributes:

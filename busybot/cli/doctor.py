@@ -35,7 +35,12 @@ TOGETHER_S = 60.0
 """For a picture while torch computes."""
 LEAST_FREE_BYTES = 2 << 30
 CHOOSE_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
-DRAW_ON_CORES = "export VK_DRIVER_FILES=FILE (Mesa's lvp_icd.*.json): networks on the GPU, pictures on the cores"
+DRAW_ON_CORES = f"unset {CHOICE}, and {SETUP} (installs Mesa's driver): networks on the GPU, pictures on the cores"
+WHICH = """
+from busybot.common.device import chosen, gpus
+from busybot.sim.vulkan_check import render_device
+print(chosen(), gpus(), render_device())
+"""
 CATEGORIES = ("Switch", "Door", "Lamp", "Toy")
 
 SYSTEM = ("/usr/", "/lib", "/opt/", "/etc/", "/dev/", "/proc/", "/bin/", "/sbin/")
@@ -205,7 +210,7 @@ def gpu() -> list[Check]:
 
 
 def _together() -> Check:
-    """Whether pictures can be drawn while torch uses the GPU: on some hosts both together hang."""
+    """Whether pictures are drawn, where this process would, while torch uses the GPU: on some hosts both hang there."""
     from busybot.sim.vulkan_check import run
 
     found = run(sys.executable, TOGETHER_S, cuda=True)
@@ -215,13 +220,12 @@ def _together() -> Check:
 
 def _device() -> Check:
     """What commands use that are not told by `--device`; fails if the environment names what is not there."""
-    answer, error = _ask(
-        [sys.executable, "-c", "from busybot.common.device import chosen, gpus; print(chosen(), gpus())"]
-    )
+    answer, error = _ask([sys.executable, "-c", WHICH])
     if error is not None:
         return Check("device", False, f"{os.environ.get(CHOICE)} is not there", f"unset {CHOICE}, or set it to auto")
-    name, count = answer.split()
+    name, count, drawn = answer.split()
     of_all = f"{count} GPU{'s, in turn' if int(count) > 1 else ''}" if int(count) else "the CPU"
+    of_all += ", pictures on the cores" if int(count) and drawn == "cpu" else ""
     return Check("device", True, f"{name}: {of_all}" if name in ("auto", "cuda") else name)
 
 

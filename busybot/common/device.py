@@ -1,7 +1,8 @@
 """Where pictures are drawn and networks computed: `--device auto|cpu|cuda|cuda:N`, decided here and nowhere else.
 
 A command says it once. It stands in the environment, so that worker processes inherit it. Workers that may take any GPU
-(`auto`, `cuda`) are spread over all of them in turn; several share one. GPUs are NVIDIA's, numbered as CUDA does, and
+(`auto`, `cuda`) are spread over all of them in turn; several share one. `auto` leaves pictures to the cores, where they
+can be drawn there (`busybot.sim.vulkan_check`). GPUs are NVIDIA's, numbered as CUDA does, and
 are counted by the driver's own library: neither PyTorch nor SAPIEN need be imported to know.
 """
 

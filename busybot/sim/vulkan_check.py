@@ -23,6 +23,8 @@ NO_ANSWER: dict[str, Any] = {"renders": False, "device": None, "driver": None, "
 STRUCTURE_PROPERTIES2 = 1000059001
 STRUCTURE_DRIVER = 1000196000
 STRUCTURE_INSTANCE = 1
+KIND, OF_CORES = 4, 4
+"""Where a device's numbers say what kind it is, and VK_PHYSICAL_DEVICE_TYPE_CPU."""
 VULKAN_1_2 = (1 << 22) | (2 << 12)
 
 
@@ -66,8 +68,9 @@ def probe() -> dict[str, Any]:
     except ImportError as error:
         return NO_ANSWER | {"error": f"sapien cannot be imported: {error}"}
     try:
+        name = render_device()
         # Without a usable device this raises, or crashes the process.
-        renderer = sapien.render.RenderSystem()
+        renderer = sapien.render.RenderSystem(*([sapien.Device(name)] if name else []))
         answer["device"] = renderer.device.name
         answer["driver"] = driver_of(renderer.device.name)
         answer["renders"] = _red_box_is_seen(sapien, renderer)
@@ -90,6 +93,20 @@ def probe_beside_cuda() -> dict[str, Any]:
     return answer
 
 
+def render_device() -> str | None:
+    """SAPIEN's name of the device on which this process draws; None where it is to take what Vulkan offers.
+
+    `auto` draws on the cores where there is a GPU, for networks, and Vulkan has a driver for cores: on some hosts both
+    together hang on one GPU. What is named is taken. Raises as `common.device.choose`.
+    """
+    from busybot.common.device import AUTO, chosen, gpu, gpus
+
+    if chosen() == AUTO and (not gpus() or draws_on_cores()):
+        return "cpu" if gpus() else None
+    number = gpu()
+    return "cpu" if number is None else f"cuda:{number}"
+
+
 def _red_box_is_seen(sapien: Any, renderer: Any) -> bool:
     scene = sapien.Scene([sapien.physx.PhysxCpuSystem(), renderer])
     sapien.render.set_camera_shader_dir("trivial")
@@ -106,17 +123,27 @@ def _red_box_is_seen(sapien: Any, renderer: Any) -> bool:
     return bool(middle[0] > 0.5 and middle[1] < 0.2 and corner[0] < 0.2)
 
 
-@cache
 def driver_of(device: str) -> str | None:
     """Name and version of the Vulkan driver of the device with this name, as the driver states them, or None."""
+    return next((driver for name, driver, _ in vulkan_devices() if name == device), None)
+
+
+def draws_on_cores() -> bool:
+    """Whether Vulkan has a driver that draws without a GPU."""
+    return any(kind == OF_CORES for _, _, kind in vulkan_devices())
+
+
+@cache
+def vulkan_devices() -> tuple[tuple[str, str, int], ...]:
+    """Name, driver with its version, and kind (VkPhysicalDeviceType) of all that Vulkan offers."""
     for library in (os.environ.get("SAPIEN_VULKAN_LIBRARY_PATH"), "libvulkan.so.1"):
         try:
-            drivers = _drivers(ctypes.CDLL(library)) if library else {}
+            found = _devices(ctypes.CDLL(library)) if library else ()
         except (OSError, AttributeError):
             continue
-        if device in drivers:
-            return drivers[device]
-    return None
+        if found:
+            return found
+    return ()
 
 
 class _Driver(Structure):
@@ -163,24 +190,25 @@ class _Instance(Structure):
     ]
 
 
-def _drivers(vulkan: ctypes.CDLL) -> dict[str, str]:
-    """Device name -> driver name and version, of all Vulkan devices."""
+def _devices(vulkan: ctypes.CDLL) -> tuple[tuple[str, str, int], ...]:
+    """What `vulkan_devices` tells, as this library does."""
     application = _Application(version=VULKAN_1_2)
     create = _Instance(type=STRUCTURE_INSTANCE, application=ctypes.addressof(application))
     instance, count = c_void_p(), c_uint32()
     if vulkan.vkCreateInstance(ctypes.byref(create), None, ctypes.byref(instance)) != 0:
-        return {}
+        return ()
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), None)
     devices = (c_void_p * count.value)()
     vulkan.vkEnumeratePhysicalDevices(instance, ctypes.byref(count), devices)
-    found = {}
+    found = []
     for device in devices:
         answer = _Driver(type=STRUCTURE_DRIVER)
         properties = _Properties(type=STRUCTURE_PROPERTIES2, next=ctypes.addressof(answer))
         vulkan.vkGetPhysicalDeviceProperties2(c_void_p(device), ctypes.byref(properties))
-        found[properties.name.decode()] = f"{answer.name.decode()} {answer.info.decode()}".strip()
+        driver = f"{answer.name.decode()} {answer.info.decode()}".strip()
+        found.append((properties.name.decode(), driver, int(properties.numbers[KIND])))
     vulkan.vkDestroyInstance(instance, None)
-    return found
+    return tuple(found)
 
 
 if __name__ == "__main__":

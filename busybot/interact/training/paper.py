@@ -78,7 +78,7 @@ class PaperAffordanceLearner(Learner):
         self.network = make_paper_network(kind, config.inputs, size)
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True, normal=True)
-        self.network.to(device())
+        self.network.to(device(), memory_format=layout(device()))  # type: ignore[call-overload]  # torch's stubs lack it
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate, betas=BETAS)
         self.epoch = self.done = 0
         self._samples: Samples | None = None
@@ -122,6 +122,14 @@ class PaperAffordanceLearner(Learner):
         self.epoch, self.done = int(saved.values["epoch"]), int(saved.values["done"])
 
 
+def layout(on: torch.device) -> torch.memory_format:
+    """In which networks learn from whole pictures fastest, gradients included.
+
+    A CPU takes four times as long for the gradients of weights with channels last, an iteration a third longer.
+    """
+    return torch.channels_last if on.type == "cuda" else torch.contiguous_format
+
+
 def draw_half(reward: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Indices of a batch: `count` / 2 samples with reward, then as many without."""
     return np.concatenate([rng.choice(np.flatnonzero(reward == wanted), count // 2) for wanted in (True, False)])
@@ -144,7 +152,7 @@ def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndar
     if kind == "direction":
         features = with_positions(features, pixels)
     with mixed(on):
-        outputs = network(features.contiguous(memory_format=torch.channels_last))
+        outputs = network(features.contiguous(memory_format=layout(on)))
     outputs = outputs.float()
     if kind == "position":
         at_pixel = outputs[torch.arange(len(chosen), device=on), :, pixels[:, 1], pixels[:, 0]]  # (B, 2)

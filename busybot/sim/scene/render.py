@@ -20,7 +20,6 @@ from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, mode
 from busybot.boards.spec import BoardSpec, without
 from busybot.boards.textures import contact_shadow, painted
 from busybot.common.atomic_io import write_new
-from busybot.common.device import AUTO, chosen, gpu, gpus
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.datasets.info import UNSAID
@@ -39,6 +38,7 @@ from busybot.sim.scene.appearance import (
     zoom_of,
 )
 from busybot.sim.scene.real_camera import CameraConfig
+from busybot.sim.vulkan_check import render_device
 
 BOARD_THICKNESS = 0.08
 BEVEL = 0.03
@@ -52,15 +52,13 @@ SHADERS = Path(__file__).with_name("shaders")
 
 
 def new_renderer() -> sapien.render.RenderSystem:
-    """On the device of this process (`common.device`); where there is no choice SAPIEN takes what Vulkan offers.
+    """On the device on which this process draws (`vulkan_check.render_device`).
 
     Raises:
         BusybotError: SAPIEN cannot draw there.
     """
-    number = gpu()
-    if chosen() == AUTO and gpus() < 2:
+    if (name := render_device()) is None:
         return sapien.render.RenderSystem()
-    name = "cpu" if number is None else f"cuda:{number}"
     try:
         return sapien.render.RenderSystem(sapien.Device(name))
     except RuntimeError as error:

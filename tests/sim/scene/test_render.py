@@ -12,7 +12,7 @@ import sapien
 
 from busybot.common import device
 from busybot.common.errors import BusybotError
-from busybot.sim.scene import render
+from busybot.sim import vulkan_check
 from busybot.sim.scene.render import new_renderer
 
 
@@ -23,32 +23,44 @@ class Told:
         self.on = on
 
 
-def there(monkeypatch: pytest.MonkeyPatch, gpus: int, name: str, worker: str = "0/1") -> None:
+def there(monkeypatch: pytest.MonkeyPatch, gpus: int, name: str, worker: str = "0/1", cores: bool = True) -> None:
     monkeypatch.setattr(device, "gpus", lambda: gpus)
-    monkeypatch.setattr(render, "gpus", lambda: gpus)
+    monkeypatch.setattr(vulkan_check, "draws_on_cores", lambda: cores)
     monkeypatch.setenv(device.CHOICE, name)
     monkeypatch.setenv(device.WORKER, worker)
 
 
 @pytest.mark.parametrize(
-    ("gpus", "name", "worker", "expected"),
+    ("gpus", "name", "worker", "cores", "expected"),
     [
-        (0, "auto", "0/1", None),
-        (1, "auto", "1/2", None),
-        (2, "auto", "1/2", "cuda:1"),
-        (2, "auto", "2/3", "cuda:0"),
-        (1, "cuda", "0/1", "cuda:0"),
-        (2, "cuda:1", "0/1", "cuda:1"),
-        (2, "cpu", "0/1", "cpu"),
+        (0, "auto", "0/1", True, None),
+        (0, "auto", "0/1", False, None),
+        (1, "auto", "1/2", True, "cpu"),
+        (1, "auto", "1/2", False, "cuda:0"),
+        (2, "auto", "1/2", False, "cuda:1"),
+        (2, "auto", "2/3", False, "cuda:0"),
+        (1, "cuda", "0/1", True, "cuda:0"),
+        (2, "cuda:1", "0/1", True, "cuda:1"),
+        (2, "cpu", "0/1", True, "cpu"),
     ],
 )
 def test_workers_draw_where_they_are_told(
-    monkeypatch: pytest.MonkeyPatch, gpus: int, name: str, worker: str, expected: str | None
+    monkeypatch: pytest.MonkeyPatch, gpus: int, name: str, worker: str, cores: bool, expected: str | None
 ) -> None:
-    there(monkeypatch, gpus, name, worker)
+    there(monkeypatch, gpus, name, worker, cores)
     monkeypatch.setattr(sapien, "Device", str)
     monkeypatch.setattr(sapien.render, "RenderSystem", Told)
-    assert new_renderer().on == expected, "SAPIEN itself chooses where there is one device at most"
+    assert new_renderer().on == expected, "beside a GPU the cores draw where they can, and SAPIEN chooses without one"
+
+
+def test_vulkan_tells_which_devices_are_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = [name for name, *_ in vulkan_check.vulkan_devices()]
+    assert names, "tests draw, so there is a device"
+    software = any("llvmpipe" in name or "lavapipe" in name for name in names)
+    assert vulkan_check.draws_on_cores() == software
+    monkeypatch.setattr(vulkan_check, "vulkan_devices", lambda: (("a GPU", "its driver", 2),))
+    assert not vulkan_check.draws_on_cores() and vulkan_check.driver_of("a GPU") == "its driver"
+    assert vulkan_check.driver_of("another") is None
 
 
 def test_a_gpu_that_sapien_cannot_draw_on(monkeypatch: pytest.MonkeyPatch) -> None:

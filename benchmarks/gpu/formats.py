@@ -15,7 +15,8 @@ wheels/                            packages that the other machine lacks, if the
 | `actions`, `acted` | (sum of T, ...) as of `BoardSequence` |
 
 What comes back are `run.json` (`RunInfo`, written last), `metrics.jsonl` with the losses, and `weights-0.safetensors`,
-`weights-1.safetensors` and so on, none larger than was asked for.
+`weights-1.safetensors` and so on, none larger than was asked for: of a tensor that is larger, rows lie in several, as
+`NAME#0`, `NAME#1` and so on.
 """
 
 import hashlib
@@ -77,18 +78,18 @@ class RunInfo(FrozenModel):
     """What came of a training.
 
     Attributes:
-        pack: SHA-256 of the pack's `pack.json`, which has those of everything else.
-        row: which of its trainings.
-        iterations, schedule: how many were done, of how many.
+        pack: SHA-256 of the pack's `pack.json`, which has those of everything else; None for interaction networks.
+        row: which of its trainings, or of those of Table 1.
+        iterations, schedule: how many were done, of how many; of interaction networks, epochs.
         seconds: that they took, reading the pack left out.
-        figures: what the training tells of held-out boards.
+        figures: what the training tells of held-out boards; of interaction networks, the model's card.
         half: whether matrices were rounded to float16 on the way back.
         machine, versions, commit: where, with what, and by which code it was trained; the commit may be unknown there.
         files: SHA-256 of the files with weights, and of the losses.
     """
 
     format: Literal["1"] = "1"
-    pack: str
+    pack: str | None
     row: str
     seed: Annotated[int, Field(ge=0)]
     iterations: Annotated[int, Field(ge=1)]
@@ -213,7 +214,7 @@ def write_run(folder: Path, tensors: dict[str, Tensor], metrics: bytes, most: in
     """Write what comes back of a training.
 
     Args:
-        most: bytes of a file of weights; a larger tensor has one of its own.
+        most: bytes of a file of weights.
     """
     files = {}
     for number, some in enumerate(_parts(_halved(tensors) if facts["half"] else tensors, most)):
@@ -239,7 +240,7 @@ def _parts(tensors: dict[str, Tensor], most: int) -> list[dict[str, Tensor]]:
     """The tensors in their order, as many together as a file may hold."""
     parts: list[dict[str, Tensor]] = []
     room = 0
-    for name, value in tensors.items():
+    for name, value in _pieces(tensors, most):
         size = value.nbytes + LINE
         if size > room:
             parts.append({})
@@ -247,6 +248,28 @@ def _parts(tensors: dict[str, Tensor], most: int) -> list[dict[str, Tensor]]:
         parts[-1][name] = value
         room -= size
     return parts
+
+
+def _pieces(tensors: dict[str, Tensor], most: int) -> Iterator[tuple[str, Tensor]]:
+    """The tensors; of those that no file could hold, rows."""
+    for name, value in tensors.items():
+        rows = max(1, len(value) * (most - LINE) // value.nbytes) if value.dim() and value.nbytes + LINE > most else 0
+        if not rows:
+            yield name, value
+        else:
+            yield from ((f"{name}#{number}", piece) for number, piece in enumerate(value.split(rows)))
+
+
+def _joined(pieces: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors of which these are pieces."""
+    tensors: dict[str, dict[int, Tensor]] = {}
+    for whole, value in pieces.items():
+        name, _, number = whole.partition("#")
+        tensors.setdefault(name, {})[int(number or 0)] = value
+    return {
+        name: torch.cat([found[number] for number in sorted(found)]) if len(found) > 1 else found[0]
+        for name, found in tensors.items()
+    }
 
 
 def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
@@ -258,7 +281,8 @@ def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
     info = _info(folder / RUN, RunInfo)
     _compare(folder, info.files)
     weights = [file for file in info.files if file != METRICS]
-    tensors = {name: value for file in weights for name, value in load_tensors(folder / file).tensors.items()}
+    pieces = [load_tensors(folder / file).tensors for file in weights]
+    tensors = _joined({name: value for file in pieces for name, value in file.items()})
     return info, {name: value.float() if value.dtype == torch.float16 else value for name, value in tensors.items()}
 
 

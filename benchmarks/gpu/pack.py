@@ -11,13 +11,11 @@ Boards to judge on stay here.
 x86-64 and the Python of `--python`. `benchmarks.gpu.train` needs torch, torch-geometric, numpy, pydantic and
 safetensors with what these need; without a NAME all of them are added but numpy and torch with what it needs itself.
 
-The paper's interaction networks are not trained this way. Their schedule collects every epoch's boards with the
-networks of the epoch before, which takes the simulator; what could travel is a buffer that was recorded once, and a
-network that learns from others' actions alone is not the paper's: it never corrects its own mistakes. There would be
-room for it: a depth image takes 32 kB as it is stored, but 2 to 3 kB as the difference from the one before, so that the
-buffer of 6400 steps would be some 18 MB. It is left for a second step, since their learner, unlike the graph networks',
-is configured in terms of the simulator. Where there are a GPU *and* the simulator, `busybot train interact --variant
-paper` is all there is to run.
+The paper's interaction networks learn from no pack: every epoch's boards are collected with the networks of the epoch
+before, which takes the simulator (`benchmarks.gpu.interact`). `--simulator` adds what that needs beside the packages
+above, and without `--data` there is nothing else:
+
+    python -m benchmarks.gpu.pack --simulator --out PACK
 """
 
 import argparse
@@ -46,6 +44,23 @@ WHEELS = (
     *("pydantic", "pydantic-core", "annotated-types", "typing-extensions", "typing-inspection", "safetensors"),
 )
 """What training needs beside numpy and torch with what it needs itself: of the other packages what they import."""
+SIMULATOR = (
+    *("sapien", "transforms3d", "lxml", "pyperclip", "importlib-resources", "setuptools", "opencv-python", "scipy"),
+    *("mcap", "lz4", "zstandard", "foxglove-sdk", "protobuf", "pyarrow", "pyyaml", "pillow", "defusedxml"),
+    *("typer", "rich", "markdown-it-py", "mdurl", "pygments", "shellingham", "annotated-doc"),
+    *(
+        "matplotlib",
+        "contourpy",
+        "cycler",
+        "fonttools",
+        "kiwisolver",
+        "packaging",
+        "pyparsing",
+        "python-dateutil",
+        "six",
+    ),
+)
+"""What it takes to collect and to draw curves, beside what training needs."""
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64", "manylinux1_x86_64")
 EACH = 2500
 """Boards in a file: some 9 MB."""
@@ -119,19 +134,21 @@ def fetch(names: list[str], python: str, folder: Path) -> int:
 
 def main() -> None:
     options = parser(__doc__, assets=False, out=None)
-    options.add_argument("--data", type=Path, nargs="+", required=True, help="recorded datasets to train on")
-    options.add_argument("--rows", required=True, help="rows of Table 2 that are trained on them")
+    options.add_argument("--data", type=Path, nargs="+", help="recorded datasets to train on")
+    options.add_argument("--rows", default="paper", help="rows of Table 2 that are trained on them")
     options.add_argument("--out", type=Path, required=True, help="folder of the pack")
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     options.add_argument("--each", type=int, default=EACH, help="boards in a file")
     options.add_argument("--workers", type=int, help="processes that compute missing features")
     options.add_argument("--wheels", nargs="*", help="packages to add; without a name all that may be absent there")
+    options.add_argument("--simulator", action="store_true", help="add what it takes to collect, too")
     options.add_argument("--python", default="3.12", help="version of Python there")
     arguments = options.parse_args()
-    print(pack(arguments))
-    if arguments.wheels is not None:
-        size = fetch(arguments.wheels or list(WHEELS), arguments.python, arguments.out / "wheels")
-        print(f"wheels: {size} bytes")
+    if arguments.data:
+        print(pack(arguments))
+    if arguments.wheels is not None or arguments.simulator:
+        names = [*(arguments.wheels or WHEELS), *(SIMULATOR if arguments.simulator else ())]
+        print(f"wheels: {fetch(names, arguments.python, arguments.out / 'wheels')} bytes")
 
 
 if __name__ == "__main__":

@@ -94,8 +94,8 @@ def main(words: list[str]) -> None:
         "losses": course(back / METRICS),
         "judged": judged,
     }
-    data = {f"{number}: {one.get('name')}": one for number, one in enumerate(told.data)}
-    runner.finish("gpu-rehearsal", arguments, figures, seed=run.seed, hashes={"models": run.files, "data": data})
+    origins = {f"{number}: {one.get('name')}": one for number, one in enumerate(told.data)}
+    runner.finish("gpu-rehearsal", arguments, figures, seed=run.seed, hashes={"models": run.files, "data": origins})
 
 
 if __name__ == "__main__":

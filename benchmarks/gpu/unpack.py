@@ -1,22 +1,28 @@
 """Makes an ordinary model folder of what came back from a machine with a GPU: the way back.
 
     python -m benchmarks.gpu.unpack --pack PACK --run RUN --out WORK/paper-0
+    python -m benchmarks.gpu.unpack --run RUN --out MODEL
 
 `busybot eval reason DATASET --reasoner WORK/paper-0` judges it like any other. If the schedule was done to its end, the
 folder is that of `busybot train reason` with the same datasets, parameters and seed, and
 
     python -m benchmarks.tables.table2 --data DATA --work WORK --out FILE --rows paper
 
-finds the row trained and judges it. A training that ended before is a model, but no row of the table. The card says on
+finds the row trained and judges it. A training that ended before is a model, but no row of the table. Interaction
+networks, which learned from no pack, become a model for `busybot eval interact DATASET --model MODEL`. The card says on
 which machine the networks were trained, for how many minutes, from which pack and by which code.
 """
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from benchmarks.gpu.formats import METRICS, config_of, read_pack_info, read_run
 from busybot.common.atomic_io import copy_file
 from busybot.common.errors import BusybotError
+from busybot.interact.affordance.networks import KINDS
+from busybot.interact.affordance.paper import PaperModel
+from busybot.interact.policy.config import AffordanceInfo
 from busybot.reason.models.paper.networks import network_of
 from busybot.reason.models.registry import ReasonerInfo
 from busybot.reason.train import plot
@@ -25,6 +31,29 @@ from busybot.training.loop import files_of
 from busybot.training.run_folder import begin_folder
 
 NAME = "paper"
+
+
+def unpack_interaction(run: Path, out: Path) -> AffordanceInfo:
+    """Write the model folder of interaction networks; returns what its card says.
+
+    Raises:
+        BusybotError: the run is one of graph networks, or the folder exists.
+    """
+    told, tensors = read_run(run)
+    if told.pack is not None:
+        raise BusybotError(f"{run}: its networks learned from a pack", "name it: --pack PACK")
+    if out.exists():
+        raise BusybotError(f"{out}: it exists", "name another folder")
+    elsewhere = {name: getattr(told, name) for name in ("machine", "versions", "commit", "schedule")}
+    elsewhere |= {"minutes": round(told.seconds / 60, 2), "rounded_to_float16": told.half}
+    card = AffordanceInfo.model_validate(told.figures)
+    info = card.model_copy(update={"training": {**card.training, **elsewhere, "epochs": told.iterations}})
+    networks = {}
+    for kind in KINDS:
+        own = {name.removeprefix(f"{kind}/"): one for name, one in tensors.items() if name.startswith(f"{kind}/")}
+        networks[kind] = network_with(partial(PaperModel.make_network, kind, info.inputs, own), own, run)
+    PaperModel(info, networks).save(out)
+    return info
 
 
 def unpack(pack: Path, run: Path, out: Path) -> ReasonerInfo:
@@ -72,10 +101,16 @@ def unpack(pack: Path, run: Path, out: Path) -> ReasonerInfo:
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--pack", type=Path, required=True, help="folder of benchmarks.gpu.pack; its JSON is enough")
+    options.add_argument(
+        "--pack", type=Path, help="folder of benchmarks.gpu.pack, whose JSON is enough; of graph networks"
+    )
     options.add_argument("--run", type=Path, required=True, help="what benchmarks.gpu.train wrote for the way back")
     options.add_argument("--out", type=Path, required=True, help="folder of the model")
     arguments = options.parse_args()
+    if arguments.pack is None:
+        told = unpack_interaction(arguments.run, arguments.out).training
+        print(f"{arguments.out}: {told['epochs']} of {told['schedule']} epochs, {told['minutes']} minutes")
+        return
     info = unpack(arguments.pack, arguments.run, arguments.out)
     done = f"{info.training['iterations']} of {info.training['schedule']} iterations"
     print(f"{arguments.out}: {done}, {info.training['minutes']} minutes; busybot eval reason DATASET --reasoner it")

@@ -50,6 +50,7 @@ def _delta(pixels: int) -> Table1Row:
     return Table1Row(options, judge=options)
 
 
+PAPER, WITHOUT = ("--variant", "paper"), runner.settings("responders=false")
 JOINTS, STRICT = runner.settings("interaction.reward=joints"), ("--strict",)
 REAL_CAMERA = runner.settings(*(f"render.camera.{term}={strength}" for term, strength in REAL.items()))
 
@@ -63,15 +64,19 @@ ROWS = {
     "random": Table1Row(None, model="random"),
     "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
-    "paper": Table1Row(("--variant", "paper")),
+    "paper": Table1Row(PAPER),
+    "paper-greedy": Table1Row(None, judge=("--mode", "greedy"), model="paper"),
+    "paper-oracle": Table1Row((*PAPER, *JOINTS), judge=JOINTS),
+    "paper-rgb": Table1Row((*PAPER, *runner.settings("inputs=rgb"))),
+    "paper-without-responders": Table1Row((*PAPER, *WITHOUT), judge=WITHOUT),
     "real-camera": Table1Row(REAL_CAMERA, judge=REAL_CAMERA),
     "real-camera-oracle": Table1Row((*JOINTS, *REAL_CAMERA), judge=(*JOINTS, *REAL_CAMERA)),
     "real-camera-clean": Table1Row(None, judge=REAL_CAMERA, model="free-0"),
 }
 OTHER_CAMERA = ("real-camera", "real-camera-oracle", "real-camera-clean")
 """No rows of Table 1: whether the reward of pictures is as good as the true one, where it can be wrong."""
-ON_REQUEST = ("paper", *OTHER_CAMERA)
-"""Rows that only `--rows` runs; the first takes days on a CPU."""
+ON_REQUEST = (*(name for name in ROWS if name.startswith("paper")), *OTHER_CAMERA)
+"""Rows that only `--rows` runs; those of the paper's networks take days on a CPU."""
 NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 

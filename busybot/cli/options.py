@@ -160,7 +160,7 @@ DeviceOption = Annotated[
         envvar=CHOICE,
         callback=_take_device,
         autocompletion=offering(_devices),
-        help="Where pictures are drawn and networks computed: auto (on the cores and on GPUs, if there are any), cpu, cuda or cuda:N.",
+        help="For networks and pictures: auto (GPUs for networks, if there are any), cpu, cuda or cuda:N.",
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]

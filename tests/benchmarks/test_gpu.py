@@ -6,8 +6,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,14 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from benchmarks.gpu import formats, train
+from benchmarks.gpu import formats, interact, train
 from benchmarks.gpu import pack as packing
 from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
-from benchmarks.gpu.unpack import unpack
+from benchmarks.gpu.unpack import unpack, unpack_interaction
 from benchmarks.tables.table2 import Table2Row
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
+from busybot.interact.affordance.load import load_model
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.training.checkpoint import load_tensors
 from tests.conftest import ROOT
@@ -47,7 +49,7 @@ class Only:
         return self.finder.find_spec(name, path, target) if there else None
 
 sys.meta_path[:] = map(Only, sys.meta_path)
-runpy.run_module("benchmarks.gpu.train", run_name="__main__", alter_sys=True)
+runpy.run_module("{MODULE}", run_name="__main__", alter_sys=True)
 """
 THERE = {"benchmarks", "busybot", "numpy", "torch", "torchgen", "functorch"}
 THERE |= {"sympy", "mpmath", "networkx", "jinja2", "markupsafe", "filelock", "fsspec", "typing_extensions"}
@@ -117,7 +119,10 @@ def test_weights_travel_in_files_of_a_size(tmp_path: Path, half: bool) -> None:
     tensors["count"] = torch.tensor(7)
     facts = {"pack": "0", "row": "paper", "seed": 0, "iterations": 1, "schedule": 2, "seconds": 1.0, "figures": {}}
     facts |= {"machine": {}, "versions": {}, "commit": None, "half": half}
-    write_run(tmp_path, tensors, b"{}\n", 100, **facts)
+    write_run(tmp_path, tensors, b"{}\n", 600, **facts)
+    told, again = read_run(tmp_path)
+    assert len(told.files) > 20, "one tensor lies in several files"
+    assert all(torch.allclose(again[name], value, atol=2e-3 * half, rtol=0) for name, value in tensors.items())
     info = write_run(tmp_path, tensors, b"{}\n", 12_000, **facts)
     assert len(info.files) == 1 + (3 if half else 5), "losses and weights"
     assert {file.name for file in tmp_path.iterdir()} == {*info.files, RUN}, "what is not of this run is gone"
@@ -148,12 +153,17 @@ def test_training_imports_nothing_but_what_computes() -> None:
     assert (strangers(of(train), {}) | strangers(of(formats), {})) - ALLOWED == {"benchmarks"}
 
 
+def alone(module: str, there: set[str], *words: object) -> list[str]:
+    """A command where nothing but this can be imported."""
+    code = ALONE.replace("{THERE}", repr(sorted(there))).replace("{MODULE}", module)
+    return [sys.executable, "-c", code, *map(str, words)]
+
+
 def training(folder: Path, *words: str) -> list[str]:
     """The command where nothing but what trains can be imported."""
     there = THERE | {name.replace("-", "_") for name in packing.WHEELS}
     places = ("--pack", folder / "pack", "--row", "paper", "--work", folder / "work", "--out", folder / "out")
-    code = ALONE.replace("{THERE}", repr(sorted(there)))
-    return [sys.executable, "-c", code, *map(str, places), "--checkpoint", "3", *words]
+    return alone("benchmarks.gpu.train", there, *places, "--checkpoint", "3", *words)
 
 
 def usual(folder: Path, data: Path, out: str) -> list[str]:
@@ -213,3 +223,55 @@ def test_a_run_of_another_pack_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="trained on another pack"):
         unpack(tmp_path / "pack", tmp_path / "run", tmp_path / "out")
     assert not (tmp_path / "out").exists() and (tmp_path / "run" / RUN).exists()
+
+
+FEW = """
+epochs: 3
+boards: 2
+steps: 5
+random_epochs: 1
+all_directions_epochs: 2
+joint_epochs: 2
+position: {batch: 2, iterations: 2}
+direction: {batch: 2, iterations: 2}
+threads: 1
+render: {width: 160, height: 120}
+interaction: {delta: 30}
+"""
+
+
+def normalised(package: str) -> str:
+    return package.lower().replace("_", "-")
+
+
+@pytest.mark.long
+def test_interaction_networks_there_and_back(
+    tmp_path: Path, few_objects: Callable[[int], Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Interrupted before anything is learned, then to the end, where nothing can be imported but what travels."""
+    (tmp_path / "few.yaml").write_text(FEW)
+    work, back, model = tmp_path / "work", tmp_path / "back", tmp_path / "model"
+    options = ("--assets", few_objects(0), "--config", tmp_path / "few.yaml", "--workers", "1")
+    there = ("--row", "paper", "--work", work, "--out", back, "--half", "--file-mb", "10", *options)
+    with pytest.raises(BusybotError, match="no network was asked yet"):
+        interact.main([*map(str, there), "--minutes", "0.0001"])
+    travel = {*packing.WHEELS, *packing.SIMULATOR}
+    there_too = {name for name, packages in packages_distributions().items() if travel & set(map(normalised, packages))}
+    asked = ("train", "interact", "--variant", "paper", "--out", work, *options)
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(alone("busybot", THERE | there_too, *asked), env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    interact.main([str(word) for word in there])
+    told, _ = read_run(back)
+    assert (told.iterations, told.schedule, told.row, told.pack) == (3, 3, "paper", None)
+    assert all((back / name).stat().st_size <= 10_000_000 for name in told.files)
+    of = [json.loads(line)["of"] for line in (back / METRICS).read_text().splitlines()]
+    assert of.count("epochs") == 3
+    unpack_interaction(back, model)
+    first, second = load_model(work), load_model(model)
+    assert second.info.training["machine"]["gpu"] is None and second.info.training["epochs"] == 3
+    for kind, network in first.networks.items():
+        others = second.networks[kind].state_dict()
+        assert all(torch.allclose(value, others[name], atol=1e-3) for name, value in network.state_dict().items())
+    with pytest.raises(BusybotError, match="it exists"):
+        unpack_interaction(back, model)

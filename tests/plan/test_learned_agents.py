@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pytest
@@ -21,12 +21,14 @@ from busybot.plan.agents.registry import LearnedAgent, kind_of, learned, name_of
 from busybot.plan.learning.bc import BcLearner, demonstrate
 from busybot.plan.learning.board_graph import ExploredBoard, PracticeRollout
 from busybot.plan.learning.config import BcConfig, PpoConfig
-from busybot.plan.learning.encoding import STOP
+from busybot.plan.learning.encoding import OBJECTS, STOP
 from busybot.plan.learning.explore import BoardGraphConfig
 from busybot.plan.learning.network import (
+    REMEMBERED,
     PolicyInfo,
     PolicyNetwork,
     PolicyNetworkConfig,
+    Recollection,
     as_tensors,
     load_policy,
     play,
@@ -60,9 +62,9 @@ def ppo_learner(config: PpoConfig, boards: list[ExploredBoard]) -> "PpoLearner":
     return PpoLearner(config, boards, [], 0)
 
 
-def network(seed: int = 0) -> PolicyNetwork:
+def network(seed: int = 0, memory: Literal["lstm", "attention"] = "lstm") -> PolicyNetwork:
     torch.manual_seed(seed)
-    return PolicyNetwork(NET)
+    return PolicyNetwork(NET.model_copy(update={"memory": memory}))
 
 
 def weights(of: Learner) -> dict[str, Tensor]:
@@ -73,8 +75,9 @@ def equal(one: dict[str, Tensor], other: dict[str, Tensor]) -> bool:
     return one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)
 
 
-def test_read_at_once_or_one_by_one_is_the_same_whatever_stands_beside() -> None:
-    rng, net = generator(0, "", 0, "test"), network()
+@pytest.mark.parametrize("memory", ["lstm", "attention"])
+def test_read_at_once_or_one_by_one_is_the_same_whatever_stands_beside(memory: Literal["lstm", "attention"]) -> None:
+    rng, net = generator(0, "", 0, "test"), network(memory=memory)
     rows = [demonstrate(board, None, rng)[0] for board in toys(3)]
     rows[1] = {name: value[:4] for name, value in rows[1].items()}
     seen, lengths = rows_of(rows)
@@ -102,9 +105,32 @@ def test_demonstrations_with_noise_hold_mistakes_and_what_would_have_been_right(
         assert right.any(axis=1).all()
 
 
-def test_bc_learns_to_reach_goals_and_plays_as_it_learned() -> None:
+def test_with_attention_a_choice_finds_what_the_same_action_did() -> None:
+    """Only the past differs."""
+    net = network(memory="attention")
+    seen = as_tensors(PracticeRollout(toys(1)[0]).observation())
+    looks, goal = net.looks(seen["looks"]), net.looks(seen["goal"])
+    assert net.recollection is not None
+    nothing = torch.zeros(REMEMBERED, Recollection.width(NET))
+    here = nothing.clone()
+    here[-1, :6], here[-1, 6:8] = seen["choices"][1, :6], 1
+    here[-1, 8 + OBJECTS : 8 + 2 * OBJECTS] = 1
+    elsewhere = here.clone()
+    elsewhere[-2, :3], elsewhere[-2, 6:8] = 5, 1  # and changed nothing there
+    found = [net.recollection(kept, seen, looks, goal) for kept in (nothing, here, elsewhere)]
+    assert not torch.allclose(found[0], found[1]) and not torch.allclose(found[1], found[2])
+    assert torch.isfinite(found[0]).all()
+
+
+def test_attention_is_for_bc() -> None:
+    with pytest.raises(ValueError, match="attention is for bc"):
+        PpoConfig(net=PolicyNetworkConfig(memory="attention"))
+
+
+@pytest.mark.parametrize("memory", ["lstm", "attention"])
+def test_bc_learns_to_reach_goals_and_plays_as_it_learned(memory: Literal["lstm", "attention"]) -> None:
     boards = buttons(([0, 1],))
-    net = PolicyNetworkConfig(looks=8, objects=16, token=32, hidden=32, choices=32)
+    net = PolicyNetworkConfig(looks=8, objects=16, token=32, hidden=32, choices=32, memory=memory)
     config = BcConfig(iterations=80, batch=8, learning_rate=1e-2, shuffle=False, net=net)
     student = BcLearner(config, boards, [], 0)
     losses = [student.iterate(iteration)[0] for iteration in range(config.iterations)]
@@ -116,7 +142,10 @@ def test_bc_learns_to_reach_goals_and_plays_as_it_learned() -> None:
     assert len(acts) == 1 and "%" in acts[0].why
 
 
-@pytest.mark.parametrize("config", [BC, PPO], ids=["bc", "ppo"])
+ATTENTIVE = BC.model_copy(update={"net": NET.model_copy(update={"memory": "attention"})})
+
+
+@pytest.mark.parametrize("config", [BC, ATTENTIVE, PPO], ids=["bc", "attention", "ppo"])
 def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config: BcConfig | PpoConfig) -> None:
     if isinstance(config, PpoConfig):
         sb3_or_skip()

@@ -8,6 +8,12 @@
 The paper tells no more than that an LSTM encodes the history. A score for each choice from what is known of it, instead
 of one output per index, is chosen here: candidates come in no fixed order.
 
+With `memory: attention` every choice c also looks back at what was done, s, itself (Vaswani et al. 2017; of pairs, as
+in relation networks, Santoro et al. 2017), and the score reads what each object i showed then, is to show, and shows:
+
+    a_cs  = softmax_s MLP(how far c is from s, angle between them, same trigger, whether s worked, age of s)
+    m_c   = mean_i ReLU(W_m [sum_s a_cs changed_si, sum_s a_cs W_l looks_si, W_l looks_i, W_l goal_i, objects_i])
+
 A trained policy is a folder with `weights.safetensors` and `model.json`, which says what they are (`PolicyInfo`).
 """
 
@@ -37,8 +43,12 @@ SHOWN = 64
 
 Tensors = dict[str, Tensor]
 """Observations, `encoding.SHAPES` behind any leading axes."""
-State = tuple[Tensor, Tensor]
-"""Hidden and cell state of the LSTM, (1, B, hidden) each."""
+State = tuple[Tensor, ...]
+"""Hidden and cell state of the LSTM, (1, B, hidden) each; with attention also what was done, (REMEMBERED, B, ...)."""
+REMEMBERED = 48
+"""So many of the last actions can be looked back at: a history of 30 and all of a rollout."""
+HEADS, PAIR, PAIR_WIDTH = 2, 8, 32
+"""Of the attention: heads, numbers that tell of a choice and an action, and the width of what judges them."""
 Width = Annotated[int, Field(ge=1, le=1024)]
 Name = Literal["bc", "ppo"]
 
@@ -52,6 +62,7 @@ class PolicyNetworkConfig(FrozenModel):
         token: width of what the LSTM reads.
         hidden: of the LSTM.
         choices: of the hidden layer that scores choices.
+        memory: what choices know of the past: what the LSTM says, or by attention also what was done itself.
     """
 
     looks: Width = 16
@@ -59,6 +70,54 @@ class PolicyNetworkConfig(FrozenModel):
     token: Width = 128
     hidden: Width = 128
     choices: Width = 64
+    memory: Literal["lstm", "attention"] = "lstm"
+
+
+class Recollection(nn.Module):
+    """What each choice finds when it looks back, see the module."""
+
+    def __init__(self, config: PolicyNetworkConfig):
+        super().__init__()
+        self.looks = config.looks
+        self.pairs = nn.Sequential(nn.Linear(PAIR, PAIR_WIDTH), nn.ReLU(), nn.Linear(PAIR_WIDTH, HEADS))
+        each = HEADS * (1 + config.looks) + 2 * config.looks + FACTS
+        self.objects = nn.Sequential(nn.Linear(each, config.objects), nn.ReLU())
+
+    @staticmethod
+    def width(config: PolicyNetworkConfig) -> int:
+        """Numbers of what is kept of an observation."""
+        return FACTS + OBJECTS * (2 + config.looks)
+
+    def kept(self, seen: Tensors, looks: Tensor) -> Tensor:
+        """What is kept of observations, (..., width): the action, the object acted on, what changed, what is shown."""
+        return torch.cat([seen["action"], seen["objects"][..., 7], seen["objects"][..., 6], looks.flatten(-2)], dim=-1)
+
+    def forward(self, kept: Tensor, seen: Tensors, looks: Tensor, goal: Tensor) -> Tensor:
+        """Of every choice, (..., 25, objects).
+
+        Args:
+            kept: (..., REMEMBERED, width), the oldest first; zeros where there was nothing yet.
+            seen: the observation with the choices.
+            looks, goal: what objects show now and in the goal, (..., 10, looks).
+        """
+        action, acted, changed, shown = kept.split([FACTS, OBJECTS, OBJECTS, OBJECTS * self.looks], dim=-1)
+        choices, deed = seen["choices"].unsqueeze(-2), action.unsqueeze(-3)  # (..., 25, 1, 8), (..., 1, S, 8)
+        apart = choices[..., :3] - deed[..., :3]
+        facts = [
+            apart,
+            apart.norm(dim=-1, keepdim=True),
+            (choices[..., 3:6] * deed[..., 3:6]).sum(dim=-1, keepdim=True),
+            (seen["touched"] @ acted.transpose(-1, -2)).unsqueeze(-1),
+            deed[..., 6:7].expand(*apart.shape[:-1], 1),
+            torch.linspace(0, 1, REMEMBERED).unsqueeze(-1).expand(*apart.shape[:-1], 1),
+        ]
+        there = deed[..., 7:] > 0.5  # (..., 1, S, 1)
+        weights = self.pairs(torch.cat(facts, dim=-1)).masked_fill(~there, IMPOSSIBLE).softmax(dim=-2) * there
+        values = torch.cat([changed.unsqueeze(-1), shown.unflatten(-1, (OBJECTS, self.looks))], dim=-1)
+        found = torch.einsum("...csh,...siv->...cihv", weights, values).flatten(-2)  # (..., 25, 10, heads * values)
+        now = torch.cat([looks, goal, seen["objects"]], dim=-1).unsqueeze(-3)
+        each = self.objects(torch.cat([found, now.expand(*found.shape[:-1], -1)], dim=-1))
+        return each.mean(dim=-2)
 
 
 class PolicyNetwork(nn.Module):
@@ -72,6 +131,9 @@ class PolicyNetwork(nn.Module):
         self.token = nn.Sequential(nn.Linear(OBJECTS * config.objects + FACTS, config.token), nn.ReLU())
         self.lstm = nn.LSTM(config.token, config.hidden)
         known = config.hidden + FACTS + OBJECTS + config.objects
+        self.recollection = Recollection(config) if config.memory == "attention" else None
+        if self.recollection is not None:
+            known += config.objects
         self.choices = nn.Sequential(nn.Linear(known, config.choices), nn.ReLU(), nn.Linear(config.choices, 1))
         self.stop = nn.Sequential(nn.Linear(config.hidden, config.choices), nn.ReLU(), nn.Linear(config.choices, 1))
 
@@ -92,23 +154,34 @@ class PolicyNetwork(nn.Module):
             state: before the first observation; None at the beginning of the history.
 
         Returns:
-            hidden (L, B, hidden), and the state after each row's last observation.
+            hidden (L, B, ...), and the state after each row's last observation.
         """
         packed = pack_padded_sequence(self.tokens(seen), lengths, enforce_sorted=False)
-        hidden, after = self.lstm(packed, state)
-        return pad_packed_sequence(hidden)[0], after
+        told, after = self.lstm(packed, None if state is None else state[:2])
+        hidden = pad_packed_sequence(told)[0]
+        if self.recollection is None:
+            return hidden, after
+        kept = self.recollection.kept(seen, self.looks(seen["looks"]))
+        past = kept.new_zeros(REMEMBERED, *kept.shape[1:]) if state is None else state[2]
+        windows = torch.cat([past[1:], kept]).unfold(0, REMEMBERED, 1).transpose(-1, -2)  # (L, B, REMEMBERED, width)
+        latest = windows[lengths - 1, torch.arange(kept.shape[1])]
+        return torch.cat([hidden, windows.flatten(-2)], dim=-1), (*after, latest.transpose(0, 1))
 
     def scores(self, hidden: Tensor, seen: Tensors) -> Tensor:
         """Of all choices, (..., 25); `IMPOSSIBLE` for those that there are not. Stop is always one.
 
         Args:
-            hidden: (..., hidden), what the LSTM says.
+            hidden: (..., hidden), what the LSTM says; with attention what was done stands behind it.
         """
         choices, touched = seen["choices"], seen["touched"]
-        spread = hidden.unsqueeze(-2).expand(*choices.shape[:-1], -1)
-        known = torch.cat([spread, choices, touched, touched @ self._embed(seen)], dim=-1)  # (..., 25, known)
-        scores = self.choices(known).squeeze(-1).masked_fill(seen["allowed"] < 0.5, IMPOSSIBLE)
-        return torch.cat([self.stop(hidden), scores[..., STOP + 1 :]], dim=-1)
+        told, past = hidden[..., : self.config.hidden], hidden[..., self.config.hidden :]
+        spread = told.unsqueeze(-2).expand(*choices.shape[:-1], -1)
+        known = [spread, choices, touched, touched @ self._embed(seen)]
+        if self.recollection is not None:
+            looks, goal = self.looks(seen["looks"]), self.looks(seen["goal"])
+            known.append(self.recollection(past.unflatten(-1, (REMEMBERED, -1)), seen, looks, goal))
+        scores = self.choices(torch.cat(known, dim=-1)).squeeze(-1).masked_fill(seen["allowed"] < 0.5, IMPOSSIBLE)
+        return torch.cat([self.stop(told), scores[..., STOP + 1 :]], dim=-1)
 
 
 def as_tensors(observation: Observation) -> Tensors:

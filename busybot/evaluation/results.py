@@ -53,6 +53,7 @@ KINDS = {
     "kitchens": "python -m benchmarks.tables.kitchens",
     "new-switches": "python -m benchmarks.tables.new_switches",
     "real-board": "python -m benchmarks.tables.real_board",
+    "learned-agents": "python -m benchmarks.studies.learned_agents",
     "shortcuts": "python -m benchmarks.studies.shortcuts",
     "curiosity": "python -m benchmarks.studies.curiosity",
     "plan-procedural": "python -m benchmarks.tables.table3 procedural",

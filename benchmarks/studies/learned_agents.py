@@ -1,0 +1,70 @@
+"""Why a learned agent is behind: the boards it practises on, how it remembers, when it stops.
+
+    python -m benchmarks.studies.learned_agents --data ONE MANY --explored FOLDER --policy-model MODEL --assets DIR \\
+        --work FOLDER --out FILE [--boards 30,60,120] [--seeds 2] [--rows lstm,attention,ppo]
+
+`busybot train bc` (`ppo`) practises on the first so many boards of the tasks datasets and is judged on boards of other
+appearance groups, a share of `--held-out` that no training of these sees: without a simulator, on what `--explored` has
+of them. `lstm` and `attention` are BC by how it remembers (`net.memory`). Told are the success at the end on boards
+practised on and on others: with the weights that had the least loss on the others, which is where a training stops, and
+with the last ones. Held-out boards choose these weights, so the former are a little too good, for all rows alike.
+
+The command resumes; it is about training boards only.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from benchmarks import runner
+
+ROWS: dict[str, tuple[str, ...]] = {
+    "lstm": ("bc", *runner.settings("net.memory=lstm")),
+    "attention": ("bc", *runner.settings("net.memory=attention")),
+    "ppo": ("ppo",),
+}
+
+
+def trained(row: str, boards: int, seed: int, arguments: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What is told of a training, and its card."""
+    agent, *more = ROWS[row]
+    out = arguments.work / f"{row}-{boards}-{seed}"
+    data = [word for path in arguments.data for word in ("--data", str(path))]
+    places = ("--explored", str(arguments.explored), "--policy-model", arguments.policy_model)
+    limits = runner.settings(f"loop.boards={boards}", f"loop.held_out={arguments.held_out}")
+    if arguments.minutes:
+        limits += runner.settings(f"minutes={arguments.minutes}")
+    options = ("--assets", arguments.assets, "--seed", str(seed), *limits, *more)
+    told = runner.busybot("train", agent, "--out", str(out), *data, *places, *options)
+    training = told["training"]
+    keys = ("boards", "boards_held_out", "iterations", "best_iteration", "held_out", "held_out_last")
+    return {"seed": seed, **{key: training[key] for key in keys}, "minutes": told["budget"]["minutes"]}, training
+
+
+def main(words: list[str]) -> None:
+    options = runner.parser(__doc__)
+    options.add_argument("--data", type=Path, nargs="+", required=True, help="tasks datasets with recorded histories")
+    options.add_argument("--explored", type=Path, required=True, help="what is known of their boards; continued")
+    options.add_argument("--policy-model", required=True, help="interaction model that proposes candidates")
+    options.add_argument("--work", type=Path, required=True, help="for trainings; continued if it exists")
+    options.add_argument("--boards", default="30,60,120", help="to practise on, comma-separated")
+    options.add_argument("--held-out", type=float, default=0.4, help="share of the boards to judge on")
+    options.add_argument("--seeds", type=int, default=2)
+    options.add_argument("--minutes", type=float, help="of a training at most; by default those of its agent")
+    options.add_argument("--rows", default="lstm,attention", help="which")
+    arguments = options.parse_args(words)
+    result: dict[str, Any] = {"rows": runner.told_rows(arguments.out, "learned-agents")}
+    for row in runner.chosen(arguments.rows, ROWS):
+        for boards in map(int, arguments.boards.split(",")):
+            runs = [trained(row, boards, seed, arguments) for seed in range(arguments.seeds)]
+            name = f"{row}, {boards}"
+            result["rows"][name] = {"seeds": [told for told, _ in runs]}
+            origin = {str(number): one for number, one in enumerate(runs[0][1]["data"])}
+            hashes = {"models": {"interaction": runs[0][1]["model"]}, "data": origin}
+            runner.finish("learned-agents", arguments, result, seed=0, hashes=hashes)
+            for told, _ in runs:
+                print(name, told["held_out"], "last", told["held_out_last"], flush=True)
+
+
+if __name__ == "__main__":
+    runner.one_of(main)

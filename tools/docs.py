@@ -73,6 +73,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "resnet-weights": speed_tables.resnet_weights,
         "features-speed": prose.features_speed,
         "paper-reason-speed": speed_tables.paper_reason_speed,
+        "gpu-rehearsal": speed_tables.gpu_rehearsal,
         "table2": tables.table2,
         "reason-robustness": world_tables.robustness,
         "reason-procedural": tables.reason_procedural,
@@ -103,6 +104,7 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,
+        "learned-agents": tables.learned_agents,
         "table3": tables.table3,
         "whole-pipeline": tables.whole_pipeline,
         "plan-procedural": tables.plan_procedural,

@@ -158,6 +158,25 @@ PIPELINE = (
 """Lines of the whole pipeline: words, and whose gate counts for which number."""
 
 
+def learned_agents() -> str:
+    """Success of learned agents on boards practised on and on others, by boards and by how they remember."""
+    lines = []
+    for name, row in result("learned-agents")["rows"].items():
+        runs = row["seeds"]
+        cells = [_mean(one["held_out"][key] for one in runs) for key in ("success_seen", "success")]
+        cells += [_mean(one["held_out_last"][key] for one in runs) for key in ("success_seen", "success")]
+        lines.append((f"{name} boards", [*cells, " / ".join(f"{one['best_iteration']:,}" for one in runs)]))
+    heads = ("practised on", "others", "last weights: practised on", "last weights: others", "best iteration")
+    return markdown([plain_grid(heads, lines, "percent")])
+
+
+def _mean(shares: Iterable[float]) -> str:
+    """Percent, with the extremes where seeds differ."""
+    found = [100 * one for one in shares]
+    spread = f" ({min(found):.1f} to {max(found):.1f})" if min(found) != max(found) else ""
+    return f"{sum(found) / len(found):.1f}{spread}"
+
+
 def whole_pipeline() -> str:
     """What each seed reaches with a policy, recordings, a reasoner and histories of its own.
 

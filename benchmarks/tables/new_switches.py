@@ -5,7 +5,8 @@
 A library is made whose novel switches are `--drawn` ones of families that its seed draws; the generator was written
 after the models that are judged, and looked at with other seeds. The shipped interaction policy acts ten times on each
 board, free and strict, beside random actions and the oracle; and on boards of the novel switches of the default
-library, which policies were chosen by. Relations are found in recordings of the scripted policy on the new ones.
+library, which policies were chosen by. Relations are found in recordings of the scripted policy on the new ones. Both
+sets of boards are frozen (`datasets/worlds/paper.json`), so every judging is in the log.
 
 Intervals are those over boards, and over switches and their boards. The command resumes; what was judged is not judged
 again.
@@ -26,6 +27,8 @@ from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, SEED, STEPS = "new-switches", 2026, 30
+BOARD_SEED, BOARDS = 20261122, 200
+"""Of the frozen sets."""
 POLICIES = {
     "free": ("--model", "procedural"),
     "strict": ("--model", "procedural", "--strict"),
@@ -91,7 +94,7 @@ def related(folder: Path, assets: str, work: Path, models: Mapping[str, dict[str
 
 def measured(options: argparse.Namespace) -> dict[str, Any]:
     """The result's figures."""
-    library = options.work / "objects"
+    library = options.work / f"drawn-{options.seed}"
     if not library.exists():
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
@@ -99,7 +102,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     data = {}
     for name, assets in (("new", str(library)), ("looked at", "procedural")):
         folder = options.work / name.replace(" ", "-")
-        runner.busybot(*runner.generating(folder, "novel-object", options.boards, options.seed, assets))
+        runner.busybot(*runner.generating(folder, "novel-object", options.boards, BOARD_SEED, assets))
         data[name] = {"board_hash": Dataset.open(folder).hashes().board}
         rows[name] = {
             policy: interacted(folder, policy, assets, options.work / f"{folder.name}-{policy}") for policy in POLICIES
@@ -115,8 +118,8 @@ def main(words: list[str] | None = None) -> None:
     options = runner.parser(__doc__, assets=False)
     options.add_argument("--work", type=Path, required=True, help="for objects, boards and results")
     options.add_argument("--drawn", type=int, default=60, help="switches")
-    options.add_argument("--boards", type=int, default=100)
-    options.add_argument("--seed", type=int, default=SEED, help="of switches and boards")
+    options.add_argument("--boards", type=int, default=BOARDS)
+    options.add_argument("--seed", type=int, default=SEED, help="of switches")
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
     told = measured(arguments)

@@ -262,14 +262,16 @@ def paper_reason_speed() -> str:
 def gpu_rehearsal() -> str:
     """What travels to a machine with a GPU and back, and what a tenth of the epochs gave on a CPU."""
     told = result("gpu-rehearsal")
-    pack, run, calls, config = told["pack"], told["run"], told["calls"], told["config"]
+    pack, run, calls = told["pack"], told["run"], told["calls"]
+    config = pack["rows"][run["row"]]
     there, back = (sum(one["bytes"].values()) / 1e6 for one in (pack, run))
     first, last = told["losses"][0], told["losses"][-1]
     cut = f"{len(calls) - 1} times, by its {calls[0]['minutes']:g} minutes" if len(calls) > 1 else "never"
+    minutes, each = run["seconds"] / 60, run["seconds"] / run["iterations"]
     words = (
-        f"{pack['boards']} boards travelled in {there:.1f} MB. {run['iterations']:,} iterations ({config['epochs']} of 200 "
-        f"epochs in batches of {config['batch']}) took {run['seconds'] / 60:.0f} minutes of one core, "
-        f"{run['seconds'] / run['iterations']:.1f} s each, and were cut off {cut}; {back:.0f} MB came back. "
+        f"{pack['boards']} boards travelled in {there:.1f} MB. {run['iterations']:,} iterations "
+        f"({config['epochs']} of 200 epochs, in batches of {config['batch']}) took {minutes:.0f} minutes in "
+        f"{config['threads']} thread, {each:.1f} s each, and were cut off {cut}; {back:.0f} MB came back. "
         f"The loss on the boards trained on fell from {first['loss']:.3f} (mean until iteration {first['until']}) to "
         f"{last['loss']:.3f}."
     )

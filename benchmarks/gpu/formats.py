@@ -15,8 +15,8 @@ wheels/                            packages that the other machine lacks, if the
 | `actions`, `acted` | (sum of T, ...) as of `BoardSequence` |
 
 What comes back are `run.json` (`RunInfo`, written last), `metrics.jsonl` with the losses, and `weights-0.safetensors`,
-`weights-1.safetensors` and so on, none larger than was asked for: of a tensor that is larger, rows lie in several, as
-`NAME#0`, `NAME#1` and so on.
+`weights-1.safetensors` and so on, none larger than was asked for if a row of a tensor is smaller: of a tensor that is
+larger, rows lie in several, as `NAME#0`, `NAME#1` and so on.
 """
 
 import hashlib
@@ -253,23 +253,33 @@ def _parts(tensors: dict[str, Tensor], most: int) -> list[dict[str, Tensor]]:
 def _pieces(tensors: dict[str, Tensor], most: int) -> Iterator[tuple[str, Tensor]]:
     """The tensors; of those that no file could hold, rows."""
     for name, value in tensors.items():
-        rows = max(1, len(value) * (most - LINE) // value.nbytes) if value.dim() and value.nbytes + LINE > most else 0
-        if not rows:
+        if value.dim() == 0 or value.nbytes + LINE <= max(most, 2 * LINE):
             yield name, value
         else:
+            rows = max(1, len(value) * (most - LINE) // value.nbytes)
             yield from ((f"{name}#{number}", piece) for number, piece in enumerate(value.split(rows)))
 
 
-def _joined(pieces: dict[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of which these are pieces."""
-    tensors: dict[str, dict[int, Tensor]] = {}
-    for whole, value in pieces.items():
+def _joined(pieces: list[tuple[str, Tensor]]) -> dict[str, Tensor]:
+    """The tensors of which these are pieces.
+
+    Raises:
+        ValueError: pieces are missing, there twice, or do not belong together.
+    """
+    tensors: dict[str, dict[str, Tensor]] = {}
+    for whole, value in pieces:
         name, _, number = whole.partition("#")
-        tensors.setdefault(name, {})[int(number or 0)] = value
-    return {
-        name: torch.cat([found[number] for number in sorted(found)]) if len(found) > 1 else found[0]
-        for name, found in tensors.items()
-    }
+        if number in (found := tensors.setdefault(name, {})):
+            raise ValueError(f"{whole} is there twice")
+        found[number] = value
+    return {name: found[""] if found.keys() == {""} else _in_order(name, found) for name, found in tensors.items()}
+
+
+def _in_order(name: str, found: dict[str, Tensor]) -> Tensor:
+    wanted = [str(number) for number in range(len(found))]
+    if found.keys() != set(wanted) or len({(value.shape[1:], value.dtype) for value in found.values()}) != 1:
+        raise ValueError(f"of {name} there are the pieces {', '.join(sorted(found))}, or they do not belong together")
+    return torch.cat([found[number] for number in wanted])
 
 
 def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
@@ -281,8 +291,10 @@ def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
     info = _info(folder / RUN, RunInfo)
     _compare(folder, info.files)
     weights = [file for file in info.files if file != METRICS]
-    pieces = [load_tensors(folder / file).tensors for file in weights]
-    tensors = _joined({name: value for file in pieces for name, value in file.items()})
+    try:
+        tensors = _joined([piece for file in weights for piece in load_tensors(folder / file).tensors.items()])
+    except ValueError as error:
+        raise BusybotError(f"{folder}: {error}", "copy the folder again, or make it again") from None
     return info, {name: value.float() if value.dtype == torch.float16 else value for name, value in tensors.items()}
 
 

@@ -8,9 +8,9 @@ a wheel (`benchmarks.gpu.pack --simulator`); the objects travel as they are. Wha
 interrupted, as by Ctrl-C; the same command goes on in `--work`, to the weights of one that was not interrupted.
 
 `--out` gets what travels, as of `benchmarks.gpu.train`: the networks as they are after the last whole epoch, in files
-of at most `--file-mb`, what each iteration lost and each epoch earned, and what is to be known of the run. `python -m
-benchmarks.gpu.unpack --run BACK --out MODEL` makes a model of it, which `busybot eval interact DATASET --model MODEL`
-judges.
+of at most `--file-mb`, what each iteration lost and (every tenth epoch) epochs earned, and what is to be known of the
+run. `python -m benchmarks.gpu.unpack --run BACK --out MODEL` makes a model of it, which `busybot eval interact DATASET
+--model MODEL` judges.
 """
 
 import argparse
@@ -18,45 +18,44 @@ import json
 import signal
 import subprocess
 import time
-from itertools import pairwise
 from pathlib import Path
+from typing import Any
+
+import torch
 
 from benchmarks import runner
 from benchmarks.gpu.formats import RunInfo, write_run
-from benchmarks.gpu.train import MB, used
-from benchmarks.tables.table1 import ROWS
+from benchmarks.gpu.train import MB
+from benchmarks.tables.table1 import PAPER, ROWS
 from busybot.common.atomic_io import read_json, write_json
-from busybot.common.config import build
 from busybot.common.device import choose
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
-from busybot.interact.affordance.fast import weights_file
+from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS
-from busybot.interact.policy.config import AffordanceInfo
-from busybot.interact.training.config import PaperConfig
-from busybot.training.checkpoint import load_tensors
-from busybot.training.model_cards import read_info
+from busybot.training.device import device
+from busybot.training.loop import files_of
 from busybot.training.run_folder import learner_versions
 
+TRAINED = {name: row.train for name, row in ROWS.items() if row.train and row.train[:2] == PAPER}
+"""Rows that train the paper's networks, with their options."""
 PATIENCE_S = 120
-"""For a training that was interrupted to end."""
+"""For a training that was interrupted to end by itself."""
 
 
-def train(command: tuple[str, ...], minutes: float) -> None:
-    """Run a training to its end, or for so long and interrupt it.
-
-    Raises:
-        BusybotError: it failed.
-    """
-    process = subprocess.Popen([*runner.BUSYBOT, *command])
-    try:
-        code = process.wait(60 * minutes)
-    except subprocess.TimeoutExpired:
-        process.send_signal(signal.SIGINT)
-        process.wait(PATIENCE_S)
-        return
-    if code:
-        raise BusybotError(f"busybot {' '.join(command[:2])} failed with code {code}; it has said why")
+def train(command: tuple[str, ...], minutes: float) -> int | None:
+    """Run a training to its end, or for so long; returns its exit code, None if it was interrupted."""
+    with subprocess.Popen([*runner.BUSYBOT, *command]) as process:
+        try:
+            return process.wait(60 * minutes)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+            return None
 
 
 def networks(work: Path) -> Path:
@@ -73,39 +72,38 @@ def networks(work: Path) -> Path:
     )
 
 
-def course(work: Path) -> bytes:
-    """What iterations lost, with the network's name, and what epochs earned, a JSON object a line."""
-    lines = []
-    for name in (*KINDS, "epochs"):
-        file = work / "metrics" / f"{name}.jsonl"
-        if file.exists():
-            lines += [{"of": name, **json.loads(line)} for line in file.read_text(encoding="utf-8").splitlines()]
+def told_lines(work: Path) -> bytes:
+    """What iterations lost, by network, and what epochs earned, a JSON object a line."""
+    files = {str(name): files_of(work, name)[1] for name in KINDS} | {"epochs": work / "metrics" / "epochs.jsonl"}
+    lines = [
+        {"of": name, **json.loads(line)}
+        for name, file in files.items()
+        if file.exists()
+        for line in file.read_text(encoding="utf-8").splitlines()
+    ]
     return "".join(f"{json.dumps(line)}\n" for line in lines).encode()
 
 
-def bring_back(arguments: argparse.Namespace, config: PaperConfig, seconds: float) -> RunInfo:
-    """Write what travels."""
-    folder = networks(arguments.work)
-    info = read_info(folder, AffordanceInfo)
-    tensors = {
-        f"{kind}/{name}": value
-        for kind in KINDS
-        for name, value in load_tensors(weights_file(folder, kind)).tensors.items()
-    }
-    card = info.model_dump(mode="json", exclude={"files"})
-    done = info.training.get("rounds", info.training)["epochs"]
+def bring_back(arguments: argparse.Namespace, seconds: float) -> RunInfo:
+    """Write what travels.
+
+    Args:
+        seconds: that the training has had, collecting included.
+    """
+    model = load_model(networks(arguments.work))
+    training = model.info.training
     return write_run(
         arguments.out,
-        tensors,
-        course(arguments.work),
+        {f"{kind}/{name}": one for kind in KINDS for name, one in model.networks[kind].cpu().state_dict().items()},
+        told_lines(arguments.work),
         int(arguments.file_mb * MB),
         pack=None,
         row=arguments.row,
         seed=arguments.seed,
-        iterations=done,
-        schedule=config.epochs,
+        iterations=training.get("rounds", training)["epochs"],
+        schedule=training["config"]["epochs"],
         seconds=round(seconds, 1),
-        figures=card,
+        figures=model.info.model_dump(mode="json", exclude={"files"}),
         half=arguments.half,
         machine=used(),
         versions=learner_versions(),
@@ -113,9 +111,14 @@ def bring_back(arguments: argparse.Namespace, config: PaperConfig, seconds: floa
     )
 
 
+def used() -> dict[str, Any]:
+    """The machine."""
+    return {**machine(), "gpu": torch.cuda.get_device_name(device()) if device().type == "cuda" else None}
+
+
 def spent(work: Path, more: float) -> float:
-    """Seconds that the training has had through all of its interruptions, with so many more."""
-    note = work.with_suffix(".seconds.json")
+    """Seconds that the training in this folder has had through all of its interruptions, with so many more."""
+    note = work.with_name(f"{work.name}.seconds.json")
     seconds = (float(read_json(note)["seconds"]) if note.exists() else 0.0) + more
     write_json(note, {"seconds": seconds})
     return seconds
@@ -124,7 +127,7 @@ def spent(work: Path, more: float) -> float:
 def main(words: list[str]) -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--assets", required=True, help="folder of objects")
-    options.add_argument("--row", default="paper", help="of Table 1")
+    options.add_argument("--row", default="paper", choices=sorted(TRAINED), help="of Table 1")
     options.add_argument("--work", type=Path, required=True, help="folder of the training; continued if it exists")
     options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
     options.add_argument("--seed", type=int, default=0)
@@ -136,17 +139,19 @@ def main(words: list[str]) -> None:
     options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     arguments = options.parse_args(words)
     choose(arguments.device)
-    row = ROWS[runner.chosen(arguments.row, ROWS)[0]].train or ()
-    if row[:2] != ("--variant", "paper"):
-        raise BusybotError(f"the row {arguments.row} trains none of the paper's networks", "choose paper...")
-    settings = [value for word, value in pairwise(row) if word == "--set"]
-    config = build(PaperConfig, arguments.config, settings, {})
     given = ("--assets", arguments.assets, "--seed", str(arguments.seed), "--device", arguments.device)
     more = (*runner.option("--config", arguments.config), *runner.option("--workers", arguments.workers))
+    if not arguments.work.exists():  # what another training there had is not this one's
+        arguments.work.with_name(f"{arguments.work.name}.seconds.json").unlink(missing_ok=True)
     began = time.monotonic()
-    train(("train", "interact", "--out", str(arguments.work), *row, *given, *more), arguments.minutes)
-    told = bring_back(arguments, config, spent(arguments.work, time.monotonic() - began))
+    code = train(
+        ("train", "interact", "--out", str(arguments.work), *TRAINED[arguments.row], *given, *more), arguments.minutes
+    )
+    seconds = spent(arguments.work, time.monotonic() - began)
+    told = bring_back(arguments, seconds)
     print(f"{told.iterations} of {told.schedule} epochs in {told.seconds} s: {told.machine}")
+    if code:
+        raise BusybotError(f"busybot train interact ended with code {code}; what it had learned is in {arguments.out}")
 
 
 if __name__ == "__main__":

@@ -27,10 +27,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.gpu.formats import write_pack
-from benchmarks.runner import chosen, parser
+from benchmarks.runner import chosen, one_of, parser
 from benchmarks.tables.table2 import ROWS
 from busybot.common.config import build
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import origin_of
 from busybot.evaluation.results import commit
@@ -132,7 +132,7 @@ def fetch(names: list[str], python: str, folder: Path) -> int:
     return sum(file.stat().st_size for file in folder.glob("*.whl"))
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     options = parser(__doc__, assets=False, out=None)
     options.add_argument("--data", type=Path, nargs="+", help="recorded datasets to train on")
     options.add_argument("--rows", default="paper", help="rows of Table 2 that are trained on them")
@@ -143,7 +143,9 @@ def main() -> None:
     options.add_argument("--wheels", nargs="*", help="packages to add; without a name all that may be absent there")
     options.add_argument("--simulator", action="store_true", help="add what it takes to collect, too")
     options.add_argument("--python", default="3.12", help="version of Python there")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
+    if not arguments.data and arguments.wheels is None and not arguments.simulator:
+        raise UsageError("nothing to pack", "--data DATASET... to learn from, --wheels or --simulator for packages")
     if arguments.data:
         print(pack(arguments))
     if arguments.wheels is not None or arguments.simulator:
@@ -152,4 +154,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    one_of(main)

@@ -15,12 +15,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from benchmarks import runner
 from benchmarks.gpu.formats import METRICS, PACK, RUN, RunInfo, read_pack_info
 from benchmarks.tables.table2 import DETAILS, SCORES, SLOW
-from busybot.common.atomic_io import read_json
+from busybot.common.atomic_io import read_json, sha256_of, write_json
+from busybot.common.errors import BusybotError
 
 LOSSES = 20
 """How many are told of the whole course."""
@@ -37,14 +36,16 @@ def call(module: str, *words: str) -> None:
 
 
 def trained(pack: Path, back: Path, arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """Train to the end; what is told after each call."""
+    """Train to the end; what is told after each call, of earlier runs of this command, too."""
+    note = arguments.work / "calls.json"
     there = ("--pack", str(pack), "--row", arguments.row, "--work", str(arguments.work / "there"), "--out", str(back))
-    calls: list[dict[str, Any]] = []
+    calls: list[dict[str, Any]] = read_json(note) if note.exists() else []
     while not calls or calls[-1]["iterations"] < calls[-1]["schedule"]:
         minutes = arguments.minutes * (len(calls) + 1)
         call("train", *there, "--minutes", str(minutes), "--checkpoint", "20", "--half", "--device", "cpu")
         told = RunInfo.model_validate(read_json(back / RUN))
         calls.append({"minutes": minutes, **{key: getattr(told, key) for key in ("iterations", "schedule", "seconds")}})
+        write_json(note, calls)
     return calls
 
 
@@ -72,6 +73,15 @@ def main(words: list[str]) -> None:
     options.add_argument("--minutes", type=float, default=9.0, help="of training in one call")
     options.add_argument("--work", type=Path, required=True, help="for everything; continued if it exists")
     arguments = options.parse_args(words)
+    asked = {
+        "data": [str(path) for path in arguments.data],
+        "row": arguments.row,
+        "config": sha256_of(arguments.config),
+    }
+    note = arguments.work / "asked.json"
+    if note.exists() and read_json(note) != asked:
+        raise BusybotError(f"{arguments.work}: another rehearsal was begun there", "name another folder")
+    write_json(note, asked)
     pack, back, model = (arguments.work / name for name in ("pack", "back", "model"))
     if not (pack / PACK).exists():
         data = [str(path) for path in arguments.data]
@@ -85,9 +95,8 @@ def main(words: list[str]) -> None:
     for dataset in arguments.judge:
         found = ("--assets", arguments.assets) if arguments.assets else ()
         answer = runner.busybot("eval", "reason", str(dataset), "--reasoner", str(model), *SLOW, *found)
-        judged[dataset.name] = {key: answer[key] for key in (*SCORES, *DETAILS)}
+        judged[answer["dataset"]["split"]] = {key: answer[key] for key in (*SCORES, *DETAILS)}
     figures = {
-        "config": yaml.safe_load(arguments.config.read_text()),
         "pack": {**told.model_dump(mode="json"), "sha256": digest, "bytes": bytes_of(pack)},
         "run": {**run.model_dump(mode="json"), "bytes": bytes_of(back)},
         "calls": calls,

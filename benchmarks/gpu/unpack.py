@@ -17,9 +17,13 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from benchmarks.gpu.formats import METRICS, config_of, read_pack_info, read_run
+from pydantic import ValidationError
+
+from benchmarks import runner
+from benchmarks.gpu.formats import METRICS, RUN, config_of, read_pack_info, read_run
 from busybot.common.atomic_io import copy_file
 from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
 from busybot.interact.affordance.networks import KINDS
 from busybot.interact.affordance.paper import PaperModel
 from busybot.interact.policy.config import AffordanceInfo
@@ -37,7 +41,7 @@ def unpack_interaction(run: Path, out: Path) -> AffordanceInfo:
     """Write the model folder of interaction networks; returns what its card says.
 
     Raises:
-        BusybotError: the run is one of graph networks, or the folder exists.
+        BusybotError: the run is one of graph networks, its card is no such model's, or the folder exists.
     """
     told, tensors = read_run(run)
     if told.pack is not None:
@@ -46,8 +50,13 @@ def unpack_interaction(run: Path, out: Path) -> AffordanceInfo:
         raise BusybotError(f"{out}: it exists", "name another folder")
     elsewhere = {name: getattr(told, name) for name in ("machine", "versions", "commit", "schedule")}
     elsewhere |= {"minutes": round(told.seconds / 60, 2), "rounded_to_float16": told.half}
-    card = AffordanceInfo.model_validate(told.figures)
-    info = card.model_copy(update={"training": {**card.training, **elsewhere, "epochs": told.iterations}})
+    training = dict(told.figures.get("training") or {}) | elsewhere | {"epochs": told.iterations}
+    try:
+        info = AffordanceInfo.model_validate({**told.figures, "training": training})
+    except ValidationError as error:
+        raise BusybotError(f"{run / RUN}: {first_fault(error)}", "bring it back again") from None
+    if info.variant != NAME:
+        raise BusybotError(f"{run / RUN}: networks of the variant {info.variant}, not {NAME}", "bring it back again")
     networks = {}
     for kind in KINDS:
         own = {name.removeprefix(f"{kind}/"): one for name, one in tensors.items() if name.startswith(f"{kind}/")}
@@ -64,6 +73,8 @@ def unpack(pack: Path, run: Path, out: Path) -> ReasonerInfo:
     """
     packed, digest = read_pack_info(pack)
     told, tensors = read_run(run)
+    if told.pack is None:
+        raise BusybotError(f"{run}: interaction networks, which learned from no pack", "leave --pack out")
     if told.pack != digest:
         raise BusybotError(f"{run}: it was trained on another pack than {pack}", "name the one that it was trained on")
     config = config_of(packed, told.row, run)
@@ -99,14 +110,14 @@ def unpack(pack: Path, run: Path, out: Path) -> ReasonerInfo:
     return info
 
 
-def main() -> None:
+def main(words: list[str]) -> None:
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument(
         "--pack", type=Path, help="folder of benchmarks.gpu.pack, whose JSON is enough; of graph networks"
     )
     options.add_argument("--run", type=Path, required=True, help="what benchmarks.gpu.train wrote for the way back")
     options.add_argument("--out", type=Path, required=True, help="folder of the model")
-    arguments = options.parse_args()
+    arguments = options.parse_args(words)
     if arguments.pack is None:
         told = unpack_interaction(arguments.run, arguments.out).training
         print(f"{arguments.out}: {told['epochs']} of {told['schedule']} epochs, {told['minutes']} minutes")
@@ -117,4 +128,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    runner.one_of(main)

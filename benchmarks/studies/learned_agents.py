@@ -3,11 +3,12 @@
     python -m benchmarks.studies.learned_agents --data ONE MANY --explored FOLDER --policy-model MODEL --assets DIR \\
         --work FOLDER --out FILE [--boards 30,60,120] [--seeds 2] [--rows lstm,attention,ppo]
 
-`busybot train bc` (`ppo`) practises on the first so many boards of the tasks datasets and is judged on boards of other
-appearance groups, a share of `--held-out` that no training of these sees: without a simulator, on what `--explored` has
-of them. `lstm` and `attention` are BC by how it remembers (`net.memory`). Told are the success at the end on boards
-practised on and on others: with the weights that had the least loss on the others, which is where a training stops, and
-with the last ones. Held-out boards choose these weights, so the former are a little too good, for all rows alike.
+`busybot train bc` (`ppo`) practises on so many boards, alike many of each tasks dataset, and is judged on boards of
+other appearance groups, a share of `--held-out` that its seed draws: without a simulator, on what `--explored` has of
+them. `lstm` and `attention` are BC by how it remembers (`net.memory`). Told are the success at the end of a task on
+boards practised on and on others: with the weights that are kept, which are those with the least loss on the others
+(`ppo`: the least missing success), and with those of the end, where BC has gone on for 1,500 iterations without a
+better loss. The others choose the weights that are kept, so these are a little too good on them, for all rows alike.
 
 The command resumes; it is about training boards only.
 """
@@ -55,9 +56,9 @@ def main(words: list[str]) -> None:
     arguments = options.parse_args(words)
     result: dict[str, Any] = {"rows": runner.told_rows(arguments.out, "learned-agents")}
     for row in runner.chosen(arguments.rows, ROWS):
-        for boards in map(int, arguments.boards.split(",")):
-            runs = [trained(row, boards, seed, arguments) for seed in range(arguments.seeds)]
-            name = f"{row}, {boards}"
+        for wanted in map(int, arguments.boards.split(",")):
+            runs = [trained(row, wanted, seed, arguments) for seed in range(arguments.seeds)]
+            name = f"{row}, {runs[0][0]['boards']}"
             result["rows"][name] = {"seeds": [told for told, _ in runs]}
             origin = {str(number): one for number, one in enumerate(runs[0][1]["data"])}
             hashes = {"models": {"interaction": runs[0][1]["model"]}, "data": origin}

@@ -35,7 +35,8 @@ TOGETHER_S = 60.0
 """For a picture while torch computes."""
 LEAST_FREE_BYTES = 2 << 30
 CHOOSE_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES")
-DRAW_ON_CORES = f"unset {CHOICE}, and {SETUP} (installs Mesa's driver): networks on the GPU, pictures on the cores"
+DRAW_ON_CORES = f"--device auto, {SETUP} (Mesa's driver), no {CHOOSE_DRIVER[0]} without it: pictures on the cores"
+"""What mends it where networks and pictures cannot share a GPU."""
 WHICH = """
 from busybot.common.device import chosen, gpus
 from busybot.sim.vulkan_check import render_device
@@ -222,8 +223,10 @@ def _device() -> Check:
     """What commands use that are not told by `--device`; fails if the environment names what is not there."""
     answer, error = _ask([sys.executable, "-c", WHICH])
     if error is not None:
-        return Check("device", False, f"{os.environ.get(CHOICE)} is not there", f"unset {CHOICE}, or set it to auto")
-    name, count, drawn = answer.split()
+        named = os.environ.get(CHOICE)
+        what = f"{named} is not there" if named else error
+        return Check("device", False, what, f"unset {CHOICE}, or set it to auto" if named else SETUP)
+    name, count, drawn = answer.splitlines()[-1].split()
     of_all = f"{count} GPU{'s, in turn' if int(count) > 1 else ''}" if int(count) else "the CPU"
     of_all += ", pictures on the cores" if int(count) and drawn == "cpu" else ""
     return Check("device", True, f"{name}: {of_all}" if name in ("auto", "cuda") else name)

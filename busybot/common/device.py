@@ -1,9 +1,9 @@
-"""Where pictures are drawn and networks computed: `--device auto|cpu|cuda|cuda:N`, decided here and nowhere else.
+"""Where networks are computed and pictures drawn: `--device auto|cpu|cuda|cuda:N`, which a command says once.
 
-A command says it once. It stands in the environment, so that worker processes inherit it. Workers that may take any GPU
-(`auto`, `cuda`) are spread over all of them in turn; several share one. `auto` leaves pictures to the cores, where they
-can be drawn there (`busybot.sim.vulkan_check`). GPUs are NVIDIA's, numbered as CUDA does, and
-are counted by the driver's own library: neither PyTorch nor SAPIEN need be imported to know.
+It stands in the environment, so that worker processes inherit it. Workers that may take any GPU (`auto`, `cuda`) are
+spread over all of them in turn; several share one. Pictures are drawn there, too, but that `auto` leaves them to the
+cores where it can (`sim.vulkan_check.render_device`). GPUs are NVIDIA's, numbered as CUDA does, and are counted by the
+driver's own library: neither PyTorch nor SAPIEN need be imported to know.
 """
 
 import ctypes

@@ -96,13 +96,15 @@ def probe_beside_cuda() -> dict[str, Any]:
 def render_device() -> str | None:
     """SAPIEN's name of the device on which this process draws; None where it is to take what Vulkan offers.
 
-    `auto` draws on the cores where there is a GPU, for networks, and Vulkan has a driver for cores: on some hosts both
+    Beside a GPU `auto` draws on the cores, where Vulkan has a driver for them: on some hosts networks and pictures
     together hang on one GPU. What is named is taken. Raises as `common.device.choose`.
     """
     from busybot.common.device import AUTO, chosen, gpu, gpus
 
-    if chosen() == AUTO and (not gpus() or draws_on_cores()):
-        return "cpu" if gpus() else None
+    if chosen() == AUTO and not gpus():
+        return None
+    if chosen() == AUTO and draws_on_cores():
+        return "cpu"
     number = gpu()
     return "cpu" if number is None else f"cuda:{number}"
 

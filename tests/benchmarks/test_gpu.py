@@ -1,5 +1,6 @@
 """The paper's graph networks trained elsewhere: what travels is whole, and weights are those of the usual command."""
 
+import argparse
 import json
 import os
 import signal
@@ -176,8 +177,7 @@ def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypa
     (tmp_path / "small.yaml").write_text(SMALL)
     places = ["--data", str(tiny), "--out", str(tmp_path / "pack"), "--config", str(tmp_path / "small.yaml")]
     monkeypatch.setitem(packing.ROWS, "paper", Table2Row(train=("--variant", "paper")))  # no encoder to download
-    monkeypatch.setattr(sys, "argv", ["pack", *places, "--rows", "paper", "--workers", "1"])
-    packing.main()
+    packing.main([*places, "--rows", "paper", "--workers", "1"])
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
 
     checkpoint = tmp_path / "work" / "checkpoints" / "paper.safetensors"
@@ -245,25 +245,27 @@ def normalised(package: str) -> str:
 
 
 @pytest.mark.long
-def test_interaction_networks_there_and_back(
-    tmp_path: Path, few_objects: Callable[[int], Path], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_interaction_networks_there_and_back(tmp_path: Path, few_objects: Callable[[int], Path]) -> None:
     """Interrupted before anything is learned, then to the end, where nothing can be imported but what travels."""
     (tmp_path / "few.yaml").write_text(FEW)
     work, back, model = tmp_path / "work", tmp_path / "back", tmp_path / "model"
     options = ("--assets", few_objects(0), "--config", tmp_path / "few.yaml", "--workers", "1")
-    there = ("--row", "paper", "--work", work, "--out", back, "--half", "--file-mb", "10", *options)
+    there = [*map(str, ("--row", "paper", "--work", work, "--out", back, "--half", "--file-mb", "10", *options))]
     with pytest.raises(BusybotError, match="no network was asked yet"):
-        interact.main([*map(str, there), "--minutes", "0.0001"])
+        interact.main([*there, "--minutes", "0.0001"])
     travel = {*packing.WHEELS, *packing.SIMULATOR}
     there_too = {name for name, packages in packages_distributions().items() if travel & set(map(normalised, packages))}
     asked = ("train", "interact", "--variant", "paper", "--out", work, *options)
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(alone("busybot", THERE | there_too, *asked), env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        alone("busybot", THERE | there_too, *asked),
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
-    interact.main([str(word) for word in there])
+    interact.main(there)
     told, _ = read_run(back)
-    assert (told.iterations, told.schedule, told.row, told.pack) == (3, 3, "paper", None)
+    assert (told.iterations, told.schedule, told.row, told.pack) == (3, 3, "paper", None) and told.seconds > 0
     assert all((back / name).stat().st_size <= 10_000_000 for name in told.files)
     of = [json.loads(line)["of"] for line in (back / METRICS).read_text().splitlines()]
     assert of.count("epochs") == 3
@@ -275,3 +277,38 @@ def test_interaction_networks_there_and_back(
         assert all(torch.allclose(value, others[name], atol=1e-3) for name, value in network.state_dict().items())
     with pytest.raises(BusybotError, match="it exists"):
         unpack_interaction(back, model)
+    with pytest.raises(BusybotError, match="leave --pack out"):
+        write_pack(tmp_path / "pack", as_stored(b.seen for b in make_boards(1, steps=3)), each=1, **FACTS)
+        unpack(tmp_path / "pack", back, tmp_path / "graph")
+
+    before = Path(work, "current")
+    (work / "model").rename(tmp_path / "ended")
+    arguments = argparse.Namespace(work=work, out=tmp_path / "cut", row="paper", seed=0, file_mb=100, half=False)
+    cut = interact.bring_back(arguments, 1.0)
+    assert cut.iterations < cut.schedule == 3, "cut off, what comes back is of the last whole epoch"
+    unpack_interaction(tmp_path / "cut", tmp_path / "unfinished")
+    for kind, network in load_model(before).networks.items():
+        others = load_model(tmp_path / "unfinished").networks[kind].state_dict()
+        assert all(torch.equal(value, others[name]) for name, value in network.state_dict().items())
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [(("a", "a#0"), "of a there are"), (("a#0", "a#2"), "of a there are the pieces 0, 2"), (("a#x",), "the pieces x")],
+)
+def test_pieces_that_are_no_whole_are_refused(tmp_path: Path, names: tuple[str, ...], words: str) -> None:
+    facts = {"pack": None, "row": "paper", "seed": 0, "iterations": 1, "schedule": 2, "seconds": 1.0, "figures": {}}
+    facts |= {"machine": {}, "versions": {}, "commit": None, "half": False}
+    write_run(tmp_path, {name: torch.ones(2, 2) for name in names}, b"", 10_000, **facts)
+    with pytest.raises(BusybotError, match=words):
+        read_run(tmp_path)
+
+
+def test_a_card_of_other_networks_is_refused(tmp_path: Path) -> None:
+    facts = {"pack": None, "row": "paper", "seed": 0, "iterations": 1, "schedule": 2, "seconds": 1.0}
+    facts |= {"machine": {}, "versions": {}, "commit": None, "half": False}
+    for figures, words in (({}, "variant fast, not paper"), ({"variant": "other"}, "run.json: variant")):
+        write_run(tmp_path, {}, b"", 1000, **facts, figures=figures)
+        with pytest.raises(BusybotError, match=words):
+            unpack_interaction(tmp_path, tmp_path / "model")
+    assert not (tmp_path / "model").exists()

@@ -106,20 +106,42 @@ def test_demonstrations_with_noise_hold_mistakes_and_what_would_have_been_right(
 
 
 def test_with_attention_a_choice_finds_what_the_same_action_did() -> None:
-    """Only the past differs."""
+    """With weights by which what is near counts: at its place a choice reads that all changed, elsewhere nothing."""
     net = network(memory="attention")
-    seen = as_tensors(PracticeRollout(toys(1)[0]).observation())
-    looks, goal = net.looks(seen["looks"]), net.looks(seen["goal"])
+    memory, seen = net.recollection, as_tensors(PracticeRollout(toys(1)[0]).observation())
+    assert memory is not None
+    with torch.no_grad():
+        for layer in (memory.pairs[0], memory.pairs[2], memory.objects[0]):
+            layer.weight.zero_()  # type: ignore[operator, union-attr]
+            layer.bias.zero_()  # type: ignore[operator, union-attr]
+        memory.pairs[0].weight[0, 3] = 100  # type: ignore[index]  # how far
+        memory.pairs[2].weight[:, 0] = -1  # type: ignore[index]
+        memory.objects[0].weight[0, 0] = 1  # type: ignore[index]  # the first head's share of change
+    kept = torch.zeros(REMEMBERED, Recollection.width(NET))
+    assert (found_in(net, kept, seen) == 0).all(), "there was nothing yet"
+    places = seen["choices"][:, :3]
+    other = int((places - places[1]).norm(dim=1)[:7].argmax())
+    for row, choice, changed in ((-1, 1, 1.0), (-2, other, 0.0)):
+        kept[row, :3], kept[row, 6:8] = places[choice], 1
+        kept[row, 8 + OBJECTS : 8 + 2 * OBJECTS] = changed
+    found = found_in(net, kept, seen)
+    assert float(found[1]) == pytest.approx(1) and float(found[other]) == pytest.approx(0)
+
+
+def found_in(net: PolicyNetwork, kept: Tensor, seen: dict[str, Tensor]) -> Tensor:
+    """How much had changed, as every choice finds it."""
     assert net.recollection is not None
-    nothing = torch.zeros(REMEMBERED, Recollection.width(NET))
-    here = nothing.clone()
-    here[-1, :6], here[-1, 6:8] = seen["choices"][1, :6], 1
-    here[-1, 8 + OBJECTS : 8 + 2 * OBJECTS] = 1
-    elsewhere = here.clone()
-    elsewhere[-2, :3], elsewhere[-2, 6:8] = 5, 1  # and changed nothing there
-    found = [net.recollection(kept, seen, looks, goal) for kept in (nothing, here, elsewhere)]
-    assert not torch.allclose(found[0], found[1]) and not torch.allclose(found[1], found[2])
-    assert torch.isfinite(found[0]).all()
+    return net.recollection(kept, seen, net.looks(seen["looks"]), net.looks(seen["goal"]))[:, 0].detach()
+
+
+def test_what_is_long_ago_is_forgotten() -> None:
+    net, board = network(memory="attention"), toys(1)[0]
+    row = demonstrate(board, None, generator(0, "", 0, "test"))[0]
+    long = {name: np.concatenate([value[:1]] * (REMEMBERED - 1) + [value]) for name, value in row.items()}
+    _, state = net.read(*rows_of([long]))
+    again = {name: np.concatenate([value[-1:], value]) for name, value in long.items()}
+    _, other = net.read(*rows_of([again]))
+    assert state[2].shape[0] == REMEMBERED and torch.equal(state[2], other[2])
 
 
 def test_attention_is_for_bc() -> None:
@@ -176,7 +198,9 @@ def test_no_more_boards_are_trained_on_than_asked_for() -> None:
     everything, held_out = held_apart(found, LoopConfig(held_out=0.25), 0)
     some, others = held_apart(found, LoopConfig(held_out=0.25, boards=2), 0)
     assert (len(everything), len(held_out), len(some)) == (3, 1, 2)
-    assert some == everything[:2] and others == held_out
+    assert some == [everything[0], everything[1]] and others == held_out
+    fewer, _ = held_apart(found * 2, LoopConfig(held_out=0.25, boards=2), 0)
+    assert fewer == [everything[0], everything[0]], "one of each half, as datasets follow each other"
 
 
 def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_path: Path) -> None:

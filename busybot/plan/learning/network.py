@@ -11,8 +11,10 @@ of one output per index, is chosen here: candidates come in no fixed order.
 With `memory: attention` every choice c also looks back at what was done, s, itself (Vaswani et al. 2017; of pairs, as
 in relation networks, Santoro et al. 2017), and the score reads what each object i showed then, is to show, and shows:
 
-    a_cs  = softmax_s MLP(how far c is from s, angle between them, same trigger, whether s worked, age of s)
+    a_cs  = softmax_s MLP([c - s, |c - s|, cosine of their directions, same trigger, s worked, place of s in time])
     m_c   = mean_i ReLU(W_m [sum_s a_cs changed_si, sum_s a_cs W_l looks_si, W_l looks_i, W_l goal_i, objects_i])
+
+with two heads a, whose sums stand beside each other.
 
 A trained policy is a folder with `weights.safetensors` and `model.json`, which says what they are (`PolicyInfo`).
 """
@@ -20,11 +22,11 @@ A trained policy is a folder with `weights.safetensors` and `model.json`, which 
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
-from pydantic import Field
+from pydantic import Field, model_serializer
 from torch import Tensor, nn
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence, pad_sequence
 
@@ -54,7 +56,7 @@ Name = Literal["bc", "ppo"]
 
 
 class PolicyNetworkConfig(FrozenModel):
-    """Size of the networks.
+    """Size of the networks, and how they remember.
 
     Attributes:
         looks: numbers that an object's 256 features are compressed to.
@@ -71,6 +73,12 @@ class PolicyNetworkConfig(FrozenModel):
     hidden: Width = 128
     choices: Width = 64
     memory: Literal["lstm", "attention"] = "lstm"
+
+    @model_serializer(mode="wrap")
+    def _as_before(self, dump: Any) -> dict[str, Any]:
+        """Trainings that had no choice of a memory go on, and cards are as they were."""
+        told: dict[str, Any] = dump(self)
+        return {name: value for name, value in told.items() if (name, value) != ("memory", "lstm")}
 
 
 class Recollection(nn.Module):
@@ -109,7 +117,7 @@ class Recollection(nn.Module):
             (choices[..., 3:6] * deed[..., 3:6]).sum(dim=-1, keepdim=True),
             (seen["touched"] @ acted.transpose(-1, -2)).unsqueeze(-1),
             deed[..., 6:7].expand(*apart.shape[:-1], 1),
-            torch.linspace(0, 1, REMEMBERED).unsqueeze(-1).expand(*apart.shape[:-1], 1),
+            torch.linspace(0, 1, REMEMBERED, device=apart.device).unsqueeze(-1).expand(*apart.shape[:-1], 1),
         ]
         there = deed[..., 7:] > 0.5  # (..., 1, S, 1)
         weights = self.pairs(torch.cat(facts, dim=-1)).masked_fill(~there, IMPOSSIBLE).softmax(dim=-2) * there
@@ -146,7 +154,7 @@ class PolicyNetwork(nn.Module):
         return self.token(torch.cat([self._embed(seen).flatten(-2), seen["action"]], dim=-1))
 
     def read(self, seen: Tensors, lengths: Tensor, state: State | None = None) -> tuple[Tensor, State]:
-        """What the LSTM says of rows of observations.
+        """What is known after each observation of rows.
 
         Args:
             seen: (L, B, ...), the rows padded at their ends.
@@ -154,7 +162,7 @@ class PolicyNetwork(nn.Module):
             state: before the first observation; None at the beginning of the history.
 
         Returns:
-            hidden (L, B, ...), and the state after each row's last observation.
+            hidden (L, B, ...): what the LSTM says, with attention what was done behind it; and the state after each row's last observation.
         """
         packed = pack_padded_sequence(self.tokens(seen), lengths, enforce_sorted=False)
         told, after = self.lstm(packed, None if state is None else state[:2])
@@ -171,7 +179,7 @@ class PolicyNetwork(nn.Module):
         """Of all choices, (..., 25); `IMPOSSIBLE` for those that there are not. Stop is always one.
 
         Args:
-            hidden: (..., hidden), what the LSTM says; with attention what was done stands behind it.
+            hidden: (..., ...), of `read`.
         """
         choices, touched = seen["choices"], seen["touched"]
         told, past = hidden[..., : self.config.hidden], hidden[..., self.config.hidden :]

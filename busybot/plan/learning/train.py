@@ -119,7 +119,10 @@ def held_apart(
     """Boards to train on, and boards of other appearance groups to judge by."""
     held = groups_apart({board.group for board in found}, loop.held_out, seed, "plan/held out")
     boards, held_out = ([board for board in found if (board.group in held) == wanted] for wanted in (False, True))
-    return boards[: loop.boards], held_out
+    if loop.boards is None or loop.boards >= len(boards):
+        return boards, held_out
+    # of each dataset alike many: one after the other they have other tasks
+    return [boards[number * len(boards) // loop.boards] for number in range(loop.boards)], held_out
 
 
 def make_learner(

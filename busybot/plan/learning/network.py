@@ -162,7 +162,8 @@ class PolicyNetwork(nn.Module):
             state: before the first observation; None at the beginning of the history.
 
         Returns:
-            hidden (L, B, ...): what the LSTM says, with attention what was done behind it; and the state after each row's last observation.
+            hidden (L, B, ...), what the LSTM says, with attention what was done behind it; and the state after each
+            row's last observation.
         """
         packed = pack_padded_sequence(self.tokens(seen), lengths, enforce_sorted=False)
         told, after = self.lstm(packed, None if state is None else state[:2])

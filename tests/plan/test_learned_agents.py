@@ -87,7 +87,9 @@ def test_read_at_once_or_one_by_one_is_the_same_whatever_stands_beside(memory: L
         for step in range(len(row["allowed"])):
             one, once = rows_of([{name: value[step : step + 1] for name, value in row.items()}])
             hidden, state = net.read(one, once, state)
-            assert torch.allclose(hidden[0, 0], together[step, place], atol=1e-6)
+            zero = torch.tensor([0])
+            alone, beside = hidden.at(zero, zero), together.at(torch.tensor([step]), torch.tensor([place]))
+            assert torch.allclose(alone, beside, atol=1e-6)
 
 
 def test_what_is_no_choice_is_never_chosen() -> None:
@@ -112,11 +114,11 @@ def test_with_attention_a_choice_finds_what_the_same_action_did() -> None:
     assert memory is not None
     with torch.no_grad():
         for layer in (memory.pairs[0], memory.pairs[2], memory.objects[0]):
-            layer.weight.zero_()  # type: ignore[operator, union-attr]
-            layer.bias.zero_()  # type: ignore[operator, union-attr]
-        memory.pairs[0].weight[0, 3] = 100  # type: ignore[index]  # how far
-        memory.pairs[2].weight[:, 0] = -1  # type: ignore[index]
-        memory.objects[0].weight[0, 0] = 1  # type: ignore[index]  # the first head's share of change
+            layer.weight.zero_()
+            layer.bias.zero_()
+        memory.pairs[0].weight[0, 3] = 100  # how far
+        memory.pairs[2].weight[:, 0] = -1
+        memory.objects[0].weight[0, 0] = 1  # the first head's share of change
     kept = torch.zeros(REMEMBERED, Recollection.width(NET))
     assert (found_in(net, kept, seen) == 0).all(), "there was nothing yet"
     places = seen["choices"][:, :3]
@@ -241,7 +243,7 @@ def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
     policy = student._model.policy
     row = demonstrate(boards[0], None, generator(0, "", 0, "test"))[0]
     seen, lengths = rows_of([row])
-    scores = alone.scores(alone.read(seen, lengths)[0][:, 0], as_tensors(row))
+    scores = alone.scores(alone.read(seen, lengths)[0].hidden[:, 0], as_tensors(row))
     zeros = torch.zeros(1, 1, NET.hidden)
     state, starts = (zeros, zeros), torch.tensor([1.0] + [0.0] * (len(scores) - 1))
     theirs = policy.get_distribution(as_tensors(row), state, starts)[0].distribution.probs

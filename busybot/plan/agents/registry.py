@@ -66,8 +66,9 @@ class LearnedAgent:
     def _read(self, row: Observation) -> torch.Tensor:
         """Go on reading; returns the scores after the last observation, (25,)."""
         seen, lengths = rows_of([row])
-        hidden, self._state = self._network.read(seen, lengths, self._state)
-        return self._network.scores(hidden[-1, 0], {name: value[-1, 0] for name, value in seen.items()})
+        known, self._state = self._network.read(seen, lengths, self._state)
+        hidden = known.at(lengths - 1, torch.zeros_like(lengths))[0]
+        return self._network.scores(hidden, {name: value[-1, 0] for name, value in seen.items()})
 
 
 def learned(agent: Name, path: str, reasoner: Reasoner) -> LearnedAgent:

@@ -91,7 +91,7 @@ def demonstrate(board: ExploredBoard, order: np.ndarray | None, rng: np.random.G
 def imitation_loss(network: PolicyNetwork, shown: Sequence[Shown]) -> Tensor:
     """- log of the probability of what was right, nats, mean over decisions."""
     seen, lengths = rows_of([observations for observations, _ in shown])
-    hidden, _ = network.read(seen, lengths)
+    known, _ = network.read(seen, lengths)
     places = [
         (step, row)
         for row, (length, (_, right)) in enumerate(zip(lengths.tolist(), shown, strict=True))
@@ -99,6 +99,6 @@ def imitation_loss(network: PolicyNetwork, shown: Sequence[Shown]) -> Tensor:
     ]
     steps, rows = torch.tensor(places).T
     decisions = {name: value[steps, rows] for name, value in seen.items()}
-    scores = network.scores(hidden[steps, rows], decisions).log_softmax(dim=1)
+    scores = network.scores(known.at(steps, rows), decisions).log_softmax(dim=1)
     right = torch.from_numpy(np.concatenate([right for _, right in shown]))
     return -scores.masked_fill(~right, -torch.inf).logsumexp(dim=1).mean()

@@ -20,6 +20,7 @@ A trained policy is a folder with `weights.safetensors` and `model.json`, which 
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -128,6 +129,29 @@ class Recollection(nn.Module):
         return each.mean(dim=-2)
 
 
+@dataclass(frozen=True)
+class Reading:
+    """What is known after each of L observations in B rows.
+
+    Attributes:
+        hidden: (L, B, hidden), what the LSTM says.
+        kept: (REMEMBERED - 1 + L, B, width), with attention what is kept of each and of those before them.
+    """
+
+    hidden: Tensor
+    kept: Tensor | None = None
+
+    def at(self, steps: Tensor, rows: Tensor) -> Tensor:
+        """Of some observations, (D,) each: (D, hidden), with attention what could be looked back at behind it."""
+        hidden = self.hidden[steps, rows]
+        return hidden if self.kept is None else torch.cat([hidden, self.window(steps, rows).flatten(-2)], dim=-1)
+
+    def window(self, steps: Tensor, rows: Tensor) -> Tensor:
+        """What can be looked back at then, (D, REMEMBERED, width), the oldest first."""
+        assert self.kept is not None
+        return self.kept[steps.unsqueeze(-1) + torch.arange(REMEMBERED, device=steps.device), rows.unsqueeze(-1)]
+
+
 class PolicyNetwork(nn.Module):
     """See the module."""
 
@@ -153,7 +177,7 @@ class PolicyNetwork(nn.Module):
         """What the LSTM reads, (..., token)."""
         return self.token(torch.cat([self._embed(seen).flatten(-2), seen["action"]], dim=-1))
 
-    def read(self, seen: Tensors, lengths: Tensor, state: State | None = None) -> tuple[Tensor, State]:
+    def read(self, seen: Tensors, lengths: Tensor, state: State | None = None) -> tuple["Reading", State]:
         """What is known after each observation of rows.
 
         Args:
@@ -162,25 +186,24 @@ class PolicyNetwork(nn.Module):
             state: before the first observation; None at the beginning of the history.
 
         Returns:
-            hidden (L, B, ...), what the LSTM says, with attention what was done behind it; and the state after each
-            row's last observation.
+            what is known after each, and the state after each row's last observation.
         """
         packed = pack_padded_sequence(self.tokens(seen), lengths, enforce_sorted=False)
         told, after = self.lstm(packed, None if state is None else state[:2])
         hidden = pad_packed_sequence(told)[0]
         if self.recollection is None:
-            return hidden, after
+            return Reading(hidden), after
         kept = self.recollection.kept(seen, self.looks(seen["looks"]))
         past = kept.new_zeros(REMEMBERED, *kept.shape[1:]) if state is None else state[2]
-        windows = torch.cat([past[1:], kept]).unfold(0, REMEMBERED, 1).transpose(-1, -2)  # (L, B, REMEMBERED, width)
-        latest = windows[lengths - 1, torch.arange(kept.shape[1])]
-        return torch.cat([hidden, windows.flatten(-2)], dim=-1), (*after, latest.transpose(0, 1))
+        reading = Reading(hidden, torch.cat([past[1:], kept]))
+        latest = reading.window(lengths - 1, torch.arange(kept.shape[1]))
+        return reading, (*after, latest.transpose(0, 1))
 
     def scores(self, hidden: Tensor, seen: Tensors) -> Tensor:
         """Of all choices, (..., 25); `IMPOSSIBLE` for those that there are not. Stop is always one.
 
         Args:
-            hidden: (..., ...), of `read`.
+            hidden: (..., ...), of `Reading.at`.
         """
         choices, touched = seen["choices"], seen["touched"]
         told, past = hidden[..., : self.config.hidden], hidden[..., self.config.hidden :]
@@ -213,8 +236,9 @@ def play(network: PolicyNetwork, boards: Sequence[ExploredBoard]) -> np.ndarray:
     once = torch.ones(len(rollouts), dtype=torch.int64)
     while not all(rollout.over for rollout in rollouts):
         seen = as_tensors(stacked([rollout.observation() for rollout in rollouts]))
-        hidden, state = network.read({name: value.unsqueeze(0) for name, value in seen.items()}, once, state)
-        for rollout, choice in zip(rollouts, network.scores(hidden[0], seen).argmax(dim=1), strict=True):
+        known, state = network.read({name: value.unsqueeze(0) for name, value in seen.items()}, once, state)
+        hidden = known.at(torch.zeros_like(once), torch.arange(len(once)))
+        for rollout, choice in zip(rollouts, network.scores(hidden, seen).argmax(dim=1), strict=True):
             if not rollout.over:
                 rollout.act(int(choice))
     return np.array([rollout.success for rollout in rollouts])

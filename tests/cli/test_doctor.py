@@ -137,8 +137,11 @@ def test_a_gpu_that_cannot_draw_while_it_computes_is_named(
 DRAWS = """
 import sys, torch
 sys.modules["__main__"]._red_box_is_seen = lambda *_: True
+Device = str
 class render:
     class RenderSystem:
+        def __init__(self, *on):
+            pass
         class device:
             name = "Imagined"
 """

@@ -7,7 +7,7 @@ import pytest
 
 from tests.hostile.run import KINDS_OF_FILES, parent, with_others
 
-CASES = 12
+CASES = 8
 
 
 @pytest.mark.long

@@ -48,6 +48,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NET = PolicyNetworkConfig(looks=4, objects=8, token=16, hidden=16, choices=8)
 LOOP = LoopConfig(judge=2, report=1, patience=0)
 BC = BcConfig(iterations=6, batch=4, net=NET, loop=LOOP)
+ATTENTIVE = BC.model_copy(update={"net": NET.model_copy(update={"memory": "attention"})})
 PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=False, net=NET, loop=LOOP)
 
 
@@ -146,6 +147,11 @@ def test_what_is_long_ago_is_forgotten() -> None:
     assert state[2].shape[0] == REMEMBERED and torch.equal(state[2], other[2])
 
 
+def test_cards_and_trainings_without_a_choice_of_memory_are_as_they_were() -> None:
+    assert "memory" not in BC.model_dump()["net"] and ATTENTIVE.model_dump()["net"]["memory"] == "attention"
+    assert BcConfig.model_validate(ATTENTIVE.model_dump()) == ATTENTIVE
+
+
 def test_attention_is_for_bc() -> None:
     with pytest.raises(ValueError, match="attention is for bc"):
         PpoConfig(net=PolicyNetworkConfig(memory="attention"))
@@ -164,9 +170,6 @@ def test_bc_learns_to_reach_goals_and_plays_as_it_learned(memory: Literal["lstm"
     acts, stop = world.play(LearnedAgent("bc", student.network.eval()), boards[0].briefing)
     assert world.states() == [0, 1] and stop is not None and "chosen with" in stop.why
     assert len(acts) == 1 and "%" in acts[0].why
-
-
-ATTENTIVE = BC.model_copy(update={"net": NET.model_copy(update={"memory": "attention"})})
 
 
 @pytest.mark.parametrize("config", [BC, ATTENTIVE, PPO], ids=["bc", "attention", "ppo"])

@@ -21,7 +21,7 @@ from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
-BOARDS = 40
+BOARDS = 20
 
 
 @pytest.fixture(scope="module")

@@ -163,10 +163,13 @@ def learned_agents() -> str:
     lines = []
     for name, row in result("learned-agents")["rows"].items():
         runs = row["seeds"]
-        cells = [_mean(one["held_out"][key] for one in runs) for key in ("success_seen", "success")]
-        cells += [_mean(one["held_out_last"][key] for one in runs) for key in ("success_seen", "success")]
+        cells = []
+        for weights in ("held_out", "imitating_best", "held_out_last"):
+            found = [one[weights] for one in runs if one[weights]]
+            cells += [_mean(one[key] for one in found) if found else "-" for key in ("success_seen", "success")]
         lines.append((f"{name} boards", [*cells, " / ".join(f"{one['best_iteration']:,}" for one in runs)]))
-    heads = ("practised on", "others", "last weights: practised on", "last weights: others", "best iteration")
+    which = ("kept", "imitating best", "last")
+    heads = (*(f"{one}: {on}" for one in which for on in ("practised on", "others")), "kept after")
     return markdown([plain_grid(heads, lines, "percent")])
 
 

@@ -6,9 +6,9 @@
 `busybot train bc` (`ppo`) practises on so many boards, alike many of each tasks dataset, and is judged on boards of
 other appearance groups, a share of `--held-out` that its seed draws: without a simulator, on what `--explored` has of
 them. `lstm` and `attention` are BC by how it remembers (`net.memory`). Told are the success at the end of a task on
-boards practised on and on others: with the weights that are kept, which are those with the least loss on the others
-(`ppo`: the least missing success), and with those of the end, where BC has gone on for 1,500 iterations without a
-better loss. The others choose the weights that are kept, so these are a little too good on them, for all rows alike.
+boards practised on and on others: with the weights that are kept, which are those with the most success on the others,
+and so a little too good there, for all rows alike; with those that imitate the demonstrations on the others best, by
+which BC was stopped before; and with those of the end, after 1,500 iterations without more success, which nothing chose.
 
 The command resumes; it is about training boards only.
 """
@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
+from busybot.training.loop import files_of
+from busybot.training.run_folder import read_metrics
 
 ROWS: dict[str, tuple[str, ...]] = {
     "lstm": ("bc", *runner.settings("net.memory=lstm")),
@@ -39,7 +41,16 @@ def trained(row: str, boards: int, seed: int, arguments: argparse.Namespace) -> 
     told = runner.busybot("train", agent, "--out", str(out), *data, *places, *options)
     training = told["training"]
     keys = ("boards", "boards_held_out", "iterations", "best_iteration", "held_out", "held_out_last")
-    return {"seed": seed, **{key: training[key] for key in keys}, "minutes": told["budget"]["minutes"]}, training
+    judged = [line for line in read_metrics(files_of(out, agent)[1]) if "imitation" in line.get("validation", {})]
+    best = min(judged, key=lambda line: line["validation"]["imitation"], default=None)
+    imitating = {"iteration": best["iteration"], **best["validation"]} if best else None
+    minutes = told["budget"]["minutes"]
+    return {
+        "seed": seed,
+        **{key: training[key] for key in keys},
+        "imitating_best": imitating,
+        "minutes": minutes,
+    }, training
 
 
 def main(words: list[str]) -> None:

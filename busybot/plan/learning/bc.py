@@ -57,12 +57,15 @@ class BcLearner(Learner):
 
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
-        """Loss on held-out boards, and success."""
+        """Success, and how well held-out demonstrations are imitated. What is to be least is the success that is missing:
+        that of an agent that is seldom wrong, but then sure of it, still rises where its imitation gets worse.
+        """
         figures = success_of(self.network, self.boards, self.held_out)
         if self.held_out:
             rng = generator(self.seed, "train", 0, "plan/bc/judge")
             shown = [demonstrate(board, None, rng) for board in self.held_out]
-            figures["loss"] = float(imitation_loss(self.network, shown))
+            figures["imitation"] = float(imitation_loss(self.network, shown))
+            figures["loss"] = 1 - figures["success"]
         return figures
 
 

@@ -177,7 +177,7 @@ def _plot(out: Path, agent: str) -> None:
     """Draw `training.png`: the loss, and success on tasks."""
     lines = read_metrics(out / "metrics" / f"{agent}.jsonl")
     # what is to be least for ppo is no loss of the same kind
-    held_out = judgements(lines, {"loss": "held out"}) if agent == "bc" else {}
+    held_out = judgements(lines, {"imitation": "held out"}) if agent == "bc" else {}
     success = judgements(lines, {"success_seen": "trained on", "success": "held out"})
     panels = [
         Panel(f"loss of {agent}", {"trained on": losses(lines), **held_out}),

@@ -6,9 +6,10 @@
 `busybot train bc` (`ppo`) practises on so many boards, alike many of each tasks dataset, and is judged on boards of
 other appearance groups, a share of `--held-out` that its seed draws: without a simulator, on what `--explored` has of
 them. `lstm` and `attention` are BC by how it remembers (`net.memory`). Told are the success at the end of a task on
-boards practised on and on others: with the weights that are kept, which are those with the most success on the others,
-and so a little too good there, for all rows alike; with those that imitate the demonstrations on the others best, by
-which BC was stopped before; and with those of the end, after 1,500 iterations without more success, which nothing chose.
+boards practised on and on others: with the weights that are kept, which are those with the most success on the
+others, and so a little too good there, for all rows alike; with those that imitate the demonstrations on the others
+best, by which BC was stopped before; and with those of the end, after 1,500 iterations without more success, which
+nothing chose.
 
 The command resumes; it is about training boards only.
 """

@@ -57,8 +57,9 @@ class BcLearner(Learner):
 
     @torch.no_grad()
     def judge(self) -> Mapping[str, float]:
-        """Success, and how well held-out demonstrations are imitated. What is to be least is the success that is missing:
-        that of an agent that is seldom wrong, but then sure of it, still rises where its imitation gets worse.
+        """Success, and how well held-out demonstrations are imitated. What is to be least is the missing success.
+
+        An agent that is seldom wrong, but then sure of it, still gets better where its imitation gets worse.
         """
         figures = success_of(self.network, self.boards, self.held_out)
         if self.held_out:

@@ -17,7 +17,7 @@ from tests.episodes.symbolic import library_at
 @pytest.mark.parametrize("world", [PAPER, *WORLDS])
 def test_every_world_has_its_sets(world: str) -> None:
     objects = json.loads((worlds.FILES / f"{world}.json").read_text())["objects"]
-    assert objects.keys() == {"procedural", "partnet-mobility"}
+    assert objects.keys() == {"procedural", "partnet-mobility", *(["drawn-2026"] if world == PAPER else [])}
     for cards in objects.values():
         assert set(cards) == set(worlds.sets_of(world))
         assert len({card["board_hash"] for card in cards.values()}) == len(cards)

@@ -58,6 +58,9 @@ def build(
     for name, value in options.items():
         if value is not None:
             _assign(values, name.split("."), value, name)
+    for name, field in model.model_fields.items():
+        if isinstance(given := values.get(name), dict) and isinstance(field.default, BaseModel):
+            values[name] = _completed(given, field.default)
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -66,6 +69,15 @@ def build(
         if file is None or _typed(first["loc"], settings, options):
             raise UsageError(what, hint) from None
         raise BusybotError(f"{file}: {what}", hint) from None
+
+
+def _completed(given: dict[str, Any], usual: BaseModel) -> dict[str, Any]:
+    """What is given of a group, and what its default sets otherwise than the group itself does."""
+    completed = {name: getattr(usual, name) for name in usual.model_fields_set} | given
+    for name, value in given.items():
+        if isinstance(value, dict) and isinstance(inner := getattr(usual, name, None), BaseModel):
+            completed[name] = _completed(value, inner)
+    return completed
 
 
 def _set(values: dict[str, Any], setting: str) -> None:

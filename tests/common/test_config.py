@@ -52,6 +52,31 @@ def test_faults_are_named(tmp_path: Path, text: str, settings: list[str], messag
         build(BoardConfig, file, settings, {})
 
 
+class Inner(FrozenModel):
+    often: int = 50
+    patience: int = 10
+
+
+class Group(FrozenModel):
+    inner: Inner = Inner()
+    width: int = 1
+
+
+class Outer(FrozenModel):
+    group: Group = Group(inner=Inner(often=100, patience=15), width=2)
+
+
+def test_one_value_of_a_group_leaves_the_others_as_they_are_by_default(tmp_path: Path) -> None:
+    """Not as they are by default in groups elsewhere."""
+    assert build(Outer, None, ["group.inner.often=7"], {}) == Outer(
+        group=Group(inner=Inner(often=7, patience=15), width=2)
+    )
+    assert build(Outer, None, ["group.width=3"], {}) == Outer(group=Group(inner=Inner(often=100, patience=15), width=3))
+    (tmp_path / "c.yaml").write_text("group: {inner: {patience: 1}}")
+    told = build(Outer, tmp_path / "c.yaml", ["group.width=4"], {})
+    assert told == Outer(group=Group(inner=Inner(often=100, patience=1), width=4))
+
+
 def test_a_parameter_that_is_called_as_its_group_is_told_from_it() -> None:
     class Inner(FrozenModel):
         camera: int = 1

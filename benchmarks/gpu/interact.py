@@ -19,24 +19,19 @@ import signal
 import subprocess
 import time
 from pathlib import Path
-from typing import Any
-
-import torch
 
 from benchmarks import runner
 from benchmarks.gpu.formats import RunInfo, write_run
-from benchmarks.gpu.train import MB
+from benchmarks.gpu.train import MB, where
 from benchmarks.tables.table1 import PAPER, ROWS
 from busybot.common.atomic_io import read_json, write_json
 from busybot.common.device import choose
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS
-from busybot.training.device import device
 from busybot.training.loop import files_of
-from busybot.training.run_folder import learner_versions
+from busybot.training.run_folder import learner_versions, read_metrics
 
 TRAINED = {name: row.train for name, row in ROWS.items() if row.train and row.train[:2] == PAPER}
 """Rows that train the paper's networks, with their options."""
@@ -75,12 +70,7 @@ def networks(work: Path) -> Path:
 def told_lines(work: Path) -> bytes:
     """What iterations lost, by network, and what epochs earned, a JSON object a line."""
     files = {str(name): files_of(work, name)[1] for name in KINDS} | {"epochs": work / "metrics" / "epochs.jsonl"}
-    lines = [
-        {"of": name, **json.loads(line)}
-        for name, file in files.items()
-        if file.exists()
-        for line in file.read_text(encoding="utf-8").splitlines()
-    ]
+    lines = [{"of": name, **line} for name, file in files.items() for line in read_metrics(file)]
     return "".join(f"{json.dumps(line)}\n" for line in lines).encode()
 
 
@@ -105,15 +95,10 @@ def bring_back(arguments: argparse.Namespace, seconds: float) -> RunInfo:
         seconds=round(seconds, 1),
         figures=model.info.model_dump(mode="json", exclude={"files"}),
         half=arguments.half,
-        machine=used(),
+        machine=where(),
         versions=learner_versions(),
         commit=commit(),
     )
-
-
-def used() -> dict[str, Any]:
-    """The machine."""
-    return {**machine(), "gpu": torch.cuda.get_device_name(device()) if device().type == "cuda" else None}
 
 
 def spent(work: Path, more: float) -> float:

@@ -48,17 +48,8 @@ SIMULATOR = (
     *("sapien", "transforms3d", "lxml", "pyperclip", "importlib-resources", "setuptools", "opencv-python", "scipy"),
     *("mcap", "lz4", "zstandard", "foxglove-sdk", "protobuf", "pyarrow", "pyyaml", "pillow", "defusedxml"),
     *("typer", "rich", "markdown-it-py", "mdurl", "pygments", "shellingham", "annotated-doc"),
-    *(
-        "matplotlib",
-        "contourpy",
-        "cycler",
-        "fonttools",
-        "kiwisolver",
-        "packaging",
-        "pyparsing",
-        "python-dateutil",
-        "six",
-    ),
+    *("matplotlib", "contourpy", "cycler", "fonttools", "kiwisolver"),
+    *("packaging", "pyparsing", "python-dateutil", "six"),
 )
 """What it takes to collect and to draw curves, beside what training needs."""
 PLATFORMS = ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64", "manylinux1_x86_64")

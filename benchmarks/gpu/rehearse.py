@@ -9,7 +9,6 @@ training is good for. The same command goes on where it was stopped.
 """
 
 import argparse
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +19,7 @@ from benchmarks.gpu.formats import METRICS, PACK, RUN, RunInfo, read_pack_info
 from benchmarks.tables.table2 import DETAILS, SCORES, SLOW
 from busybot.common.atomic_io import read_json, sha256_of, write_json
 from busybot.common.errors import BusybotError
+from busybot.training.run_folder import losses, read_metrics
 
 LOSSES = 20
 """How many are told of the whole course."""
@@ -51,10 +51,9 @@ def trained(pack: Path, back: Path, arguments: argparse.Namespace) -> list[dict[
 
 def course(file: Path) -> list[dict[str, float]]:
     """Means of the losses over equal parts of the iterations, in their order."""
-    lines = [json.loads(line) for line in file.read_text().splitlines()]
-    losses = [(line["iteration"], line["loss"]) for line in lines if "loss" in line]
-    each = -(-len(losses) // LOSSES)
-    parts = [losses[start : start + each] for start in range(0, len(losses), each)]
+    found = [(iteration, loss) for iteration, loss in losses(read_metrics(file)) if loss is not None]
+    each = -(-len(found) // LOSSES)
+    parts = [found[start : start + each] for start in range(0, len(found), each)]
     return [{"until": part[-1][0], "loss": sum(loss for _, loss in part) / len(part)} for part in parts]
 
 

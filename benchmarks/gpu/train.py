@@ -64,14 +64,19 @@ def train(arguments: argparse.Namespace) -> RunInfo:
     )
 
 
+def where() -> dict[str, Any]:
+    """The machine, and its GPU."""
+    on = device()
+    return {**machine(), "gpu": torch.cuda.get_device_name(on) if on.type == "cuda" else None}
+
+
 def used() -> dict[str, Any]:
-    """The machine, and what of its GPU was used."""
+    """The machine, and what of its GPU this process used."""
     on = device()
     if on.type != "cuda":
-        return {**machine(), "gpu": None}
+        return where()
     return {
-        **machine(),
-        "gpu": torch.cuda.get_device_name(on),
+        **where(),
         "gpu_peak_bytes": torch.cuda.max_memory_allocated(on),
         "gpu_multiplies": "bfloat16" if multiplies_bfloat16() else "float32",
     }

@@ -25,9 +25,10 @@ from busybot.datasets.dataset import Dataset
 from busybot.interact.metrics import JudgedBoard
 from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder
+from datasets import worlds as frozen
 
 KIND, SEED, STEPS = "new-switches", 2026, 30
-BOARD_SEED, BOARDS = 20261122, 200
+BOARD_SEED, BOARDS = frozen.SEED, frozen.BOARDS
 """Of the frozen sets."""
 POLICIES = {
     "free": ("--model", "procedural"),

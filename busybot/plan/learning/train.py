@@ -116,12 +116,11 @@ def train_policy(
 def held_apart(
     found: Sequence[ExploredBoard], loop: LoopConfig, seed: int
 ) -> tuple[list[ExploredBoard], list[ExploredBoard]]:
-    """Boards to train on, and boards of other appearance groups to judge by."""
+    """Boards to train on, of each dataset alike many if fewer are asked for, and those of other groups to judge by."""
     held = groups_apart({board.group for board in found}, loop.held_out, seed, "plan/held out")
     boards, held_out = ([board for board in found if (board.group in held) == wanted] for wanted in (False, True))
     if loop.boards is None or loop.boards >= len(boards):
         return boards, held_out
-    # of each dataset alike many: one after the other they have other tasks
     return [boards[number * len(boards) // loop.boards] for number in range(loop.boards)], held_out
 
 

@@ -19,13 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
-from benchmarks.tables.world_gates import digest_of
+from benchmarks.tables.world_gates import digest_of, frozen
 from busybot.common.atomic_io import read_json
 from busybot.datasets.dataset import Dataset
 from busybot.interact.metrics import JudgedBoard
 from busybot.objects.procedural.switches.drawn import MOTIONS
 from busybot.training.model_cards import file_hashes, find_folder
-from datasets import worlds as frozen
 
 KIND, SEED, STEPS = "new-switches", 2026, 30
 BOARD_SEED, BOARDS = frozen.SEED, frozen.BOARDS

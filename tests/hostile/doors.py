@@ -166,10 +166,15 @@ def _graphs(folder: Path) -> None:
     make_dataset(folder / "d", boards=2, finished=(0, 1))
     nodes = [{"id": f"n{k}", "box": None} for k in range(2)]
     edges = [{"from": 0, "to": 1, "probability": 0.9, "mechanism": "gate", "lag": 2}, {"from": 3, "to": 2}]
-    graphs = [{"board": n, "model": "mine", "threshold": 0.5, "nodes": [], "edges": edges} for n in range(2)]
+    edges.append({"from": 0, "link": "knob", "to": 1, "probability": 0.8})
+    links = [{"id": "knob", "of": 0, "steps": [0, 1]}]
+    graphs = [
+        {"board": n, "model": "mine", "threshold": 0.5, "nodes": [], "links": links, "edges": edges} for n in range(2)
+    ]
     boxes = read_episode(folder / "d" / "episodes" / "000001.mcap").images[0].boxes.tolist()
     graphs[1]["nodes"] = [node | {"box": box} for node, box in zip(nodes, boxes, strict=False)]
-    graphs[1]["edges"] = [{"from": "n0", "to": "n1", "probability": 1.0}]
+    graphs[1]["links"] = [{"id": 0, "of": "n0", "steps": [2]}]
+    graphs[1]["edges"] = [{"from": "n0", "link": 0, "to": "n1", "probability": 1.0}]
     (folder / "graphs.json").write_text(json.dumps(graphs))
 
 
@@ -178,7 +183,9 @@ def _judged(folder: Path) -> Any:
     asked = ReasonEvaluation("count", 4, given=given)
     told = evaluate_dataset(Dataset.open(folder / "d"), asked, workers=1)
     json.dumps(told, allow_nan=False)
-    shares = [told[name] for name in ("edge_p", "edge_r", "parent_f1", "brier") if told[name] is not None]
+    shares = [
+        told[name] for name in ("edge_p", "edge_r", "parent_f1", "link_parent_f1", "brier") if told[name] is not None
+    ]
     if not all(0 <= share <= 1 for share in shares):
         raise ValueError(f"shares beyond 0 and 1: {shares}")
     return {name: told[name] for name in ("model", "edge_p", "edge_r", "edge_acc", "parent_f1", "brier", "shd")}

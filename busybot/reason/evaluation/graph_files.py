@@ -4,13 +4,17 @@ A file holds one graph, or a list of them, as JSON:
 
     {"board": 0, "model": "count", "actions": 22, "threshold": 0.5,
      "nodes": [{"id": 0, "name": "switch 0", "role": "trigger", "box": [12, 30, 48, 66], "position": [-1.2, 0.8, 0.1]}],
-     "edges": [{"from": 0, "to": 4, "probability": 0.98, "claimed": true, "mechanism": null, "lag": null}]}
+     "links": [{"id": "0.1", "of": 0, "steps": [0, 3, 7]}],
+     "edges": [{"from": 0, "to": 4, "link": null, "probability": 0.98, "claimed": true, "mechanism": null, "lag": 0}]}
 
-`box` is u0, v0, u1, v1 in the first picture, pixels; `position` in board units. What a reasoner does not tell is null;
-pairs less probable than `LEAST` are left out. Of a graph that is read, `edges` with `from` and `to` suffice.
+`box` is u0, v0, u1, v1 in the first picture, pixels; `position` in board units. A link is what some recorded actions
+took hold of, `steps` numbers them from 0; an edge whose `link` is its id is about it, others about whole objects. What
+a reasoner does not tell is null; pairs less probable than `LEAST` are left out. Of a graph that is read, `edges` with
+`from` and `to` suffice.
 """
 
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +27,8 @@ from busybot.common.atomic_io import read_json, sha256_of, write_atomically, wri
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import GivenModel, first_fault
 from busybot.episodes.episode import Episode
-from busybot.reason.models.base import InferredGraph
+from busybot.reason.inputs.observation import acted_objects, observe_episode
+from busybot.reason.models.base import InferredGraph, InferredLinks
 
 LEAST = 1e-3
 OVERLAP = 0.5
@@ -38,23 +43,34 @@ class Node(GivenModel):
     box: tuple[float, float, float, float] | None = Field(None, strict=False)
 
 
+class GraphLink(GivenModel):
+    """A link of a node: the recorded actions, counted from 0, that took hold of it."""
+
+    id: int | str
+    of: int | str
+    steps: tuple[int, ...] = Field(strict=False)
+
+
 class GraphEdge(GivenModel):
-    """A claim that one node controls another."""
+    """A claim that one node, or one link of it, controls another node."""
 
     cause: int | str = Field(alias="from")
     effect: int | str = Field(alias="to")
+    link: int | str | None = None
     probability: float = Field(1.0, ge=0, le=1, allow_inf_nan=False)
     mechanism: str | None = None
     lag: int | None = Field(None, ge=0, le=1000)
 
 
 class GraphFile(GivenModel):
-    """Anybody's graph of a board; without nodes, `from` and `to` are numbers of objects."""
+    """Anybody's graph of a board; without nodes, `from`, `to` and `of` are numbers of objects. Who does not tell links
+    apart has None."""
 
     board: int = 0
     model: str = Field("graph", max_length=200)
     threshold: float = Field(0.5, ge=0, lt=1)
     nodes: tuple[Node, ...] = Field((), strict=False)
+    links: tuple[GraphLink, ...] | None = Field(None, strict=False)
     edges: tuple[GraphEdge, ...] = Field(strict=False)
 
 
@@ -70,34 +86,85 @@ class GivenGraphs:
         """The graph of a board.
 
         Raises:
-            BusybotError: there is none, an edge names what is no object of the board, or two nodes have one id.
+            BusybotError: there is none, an edge or a link names what is no object of the board, two nodes or two links
+                have one id, or a link's steps are not those of the recording or are another link's, too.
         """
-        index, count = episode.board.index, len(episode.board.objects)
+        index = episode.board.index
         if index not in self.graphs:
             raise BusybotError(f"{self.path}: it has no graph of board {index}", "give each graph its board's number")
-        told = self.graphs[index]
-        objects: dict[int | str, int | None] = {number: number for number in range(count)}
+        return _Reading(self.path, episode, self.graphs[index]).graph()
+
+
+class _Reading:
+    """A graph from a file about a board of N objects on which T actions were recorded."""
+
+    def __init__(self, path: Path, episode: Episode, told: GraphFile):
+        self.episode, self.told, self.count = episode, told, len(episode.board.objects)
+        self.place = f"{path}: board {episode.board.index}"
+        self.objects: dict[int | str, int | None] = {number: number for number in range(self.count)}
         if told.nodes:
-            objects = {node.id: _object(node, episode) for node in told.nodes}
-            if len(objects) < len(told.nodes):
-                ids = [node.id for node in told.nodes]
-                twice = next(name for name in ids if ids.count(name) > 1)
-                raise BusybotError(f"{self.path}: board {index}: two nodes with id {twice!r}", "give each node its own")
-        probabilities, lags = np.zeros((1, count, count)), np.full(count, -1)
-        kinds = [""] * count
+            self.objects = {node.id: _object(node, episode) for node in told.nodes}
+            self._only_once("nodes", [node.id for node in told.nodes])
+
+    def graph(self) -> InferredGraph:
+        told = self.told
+        links = {link.id: number for number, link in enumerate(told.links or ())}
+        clusters = self._clusters()
+        probabilities, single = np.zeros((1, self.count, self.count)), np.zeros((1, len(links), self.count))
+        kinds, lags = [""] * self.count, np.full(self.count, -1)
         for edge in told.edges:
-            for name in (edge.cause, edge.effect):
-                if objects.get(name) is None:
-                    what = f"{self.path}: board {index}: node {name!r} is no object of the board"
-                    raise BusybotError(what, f"its box must overlap one, or its id be from 0 to {count - 1}; {HINT}")
-            cause, effect = objects[edge.cause], objects[edge.effect]
-            assert cause is not None and effect is not None
+            cause, effect = self._number_of(edge.cause), self._number_of(edge.effect)
             probabilities[0, cause, effect] = max(probabilities[0, cause, effect], edge.probability)
+            if edge.link is not None:
+                self._belongs(edge)
+                at = (0, links[edge.link], effect)
+                single[at] = max(single[at], edge.probability)
             kinds[effect] = edge.mechanism or kinds[effect]
             if edge.lag is not None:  # the earliest of an object's inputs counts
                 lags[effect] = edge.lag if lags[effect] < 0 else min(lags[effect], edge.lag)
-        known = {"kinds": tuple(kinds) if any(kinds) else None, "lags": lags if (lags >= 0).any() else None}
-        return InferredGraph(told.model, probabilities, told.threshold, **known)  # type: ignore[arg-type]
+        return InferredGraph(
+            told.model,
+            probabilities,
+            told.threshold,
+            links=None if told.links is None else InferredLinks(clusters, single),
+            kinds=tuple(kinds) if any(kinds) else None,
+            lags=lags if (lags >= 0).any() else None,
+        )
+
+    def _only_once(self, what: str, ids: list[int | str]) -> None:
+        if len(set(ids)) < len(ids):
+            twice = next(name for name in ids if ids.count(name) > 1)
+            raise BusybotError(f"{self.place}: two {what} with id {twice!r}", "give each its own")
+
+    def _number_of(self, name: int | str) -> int:
+        number = self.objects.get(name)
+        if number is None:
+            hint = f"its box must overlap one, or its id be from 0 to {self.count - 1}; {HINT}"
+            raise BusybotError(f"{self.place}: node {name!r} is no object of the board", hint)
+        return number
+
+    def _clusters(self) -> np.ndarray:
+        """int (T,), the number of the link that each action took hold of, -1 for none."""
+        links, steps = self.told.links or (), len(self.episode.steps)
+        self._only_once("links", [link.id for link in links])
+        clusters = np.full(steps, -1)
+        for number, link in enumerate(links):
+            self._number_of(link.of)
+            for step in link.steps:
+                if not 0 <= step < steps:
+                    what = f"{self.place}: link {link.id!r}: the recording has no step {step}"
+                    raise BusybotError(what, f"its {steps} steps are counted from 0")
+                if clusters[step] not in (-1, number):
+                    what = f"{self.place}: links {links[clusters[step]].id!r} and {link.id!r} both have step {step}"
+                    raise BusybotError(what, "an action takes hold of one link at most")
+                clusters[step] = number
+        return clusters
+
+    def _belongs(self, edge: GraphEdge) -> None:
+        owner = next((link.of for link in self.told.links or () if link.id == edge.link), None)
+        if owner != edge.cause:
+            what = f"{self.place}: an edge from node {edge.cause!r} names link {edge.link!r}, which is none of it"
+            raise BusybotError(what, f"list it in `links` with `of`; {HINT}")
 
 
 def _object(node: Node, episode: Episode) -> int | None:
@@ -139,13 +206,15 @@ def read_graphs(path: Path) -> GivenGraphs:
                 raise BusybotError(f"{file}: a second graph of board {graph.board}", "give each its board's number")
             graphs[graph.board] = graph
             hashes.setdefault(graph.model, {})[file.name] = sha256_of(file)
+    silent = [board for board, graph in graphs.items() if graph.links is None]
+    if 0 < len(silent) < len(graphs):  # else a model chose on which boards it is judged
+        raise BusybotError(f"{path}: `links` are told of other boards, but not of board {silent[0]}", HINT)
     return GivenGraphs(path, graphs, hashes)
 
 
 def graph_values(episode: Episode, inferred: InferredGraph, steps: int) -> dict[str, Any]:
     """What was inferred of a board after so many steps, JSON values."""
     boxes = episode.images[episode.frame_of[0]].boxes
-    probabilities, claimed = inferred.after(steps), inferred.claimed(steps)
     nodes = [
         {
             "id": number,
@@ -159,20 +228,42 @@ def graph_values(episode: Episode, inferred: InferredGraph, steps: int) -> dict[
     for node, words in zip(nodes, inferred.words or (), strict=False):
         if words:
             node["words"] = words
+    links: list[dict[str, Any]] = []
+    rows: list[tuple[int, str | None, np.ndarray]] = [(i, None, row) for i, row in enumerate(inferred.after(steps))]
+    if inferred.links is not None:
+        links = _links_of(episode, inferred.links)
+        single = inferred.links.after(steps)
+        rows += [(link["of"], link["id"], single[link.pop("cluster")]) for link in links]
     edges = [
         {
-            "from": int(i),
-            "to": int(j),
-            "probability": round(float(probabilities[i, j]), 6),
-            "claimed": bool(claimed[i, j]),
-            "mechanism": (inferred.kinds[j] or None) if inferred.kinds else None,
-            "lag": int(inferred.lags[j]) if inferred.lags is not None and inferred.lags[j] >= 0 else None,
+            "from": cause,
+            "to": effect,
+            "link": link,
+            "probability": round(float(row[effect]), 6),
+            "claimed": bool(row[effect] > inferred.threshold),
+            "mechanism": (inferred.kinds[effect] or None) if inferred.kinds else None,
+            "lag": int(inferred.lags[effect]) if inferred.lags is not None and inferred.lags[effect] >= 0 else None,
         }
-        for i, j in np.argwhere((probabilities >= LEAST) | claimed)
+        for cause, link, row in rows
+        for effect in np.flatnonzero((row >= LEAST) | (row > inferred.threshold)).tolist()
     ]
-    edges.sort(key=lambda edge: (-edge["probability"], edge["to"], edge["from"]))  # type: ignore[operator]
+    edges.sort(key=lambda edge: (edge["link"] is not None, -edge["probability"], edge["to"], edge["from"]))  # type: ignore[operator]
     board = {"board": episode.board.index, "model": inferred.name, "actions": steps, "threshold": inferred.threshold}
-    return {**board, "nodes": nodes, "edges": edges}
+    return {**board, "nodes": nodes, "links": None if inferred.links is None else links, "edges": edges}
+
+
+def _links_of(episode: Episode, told: InferredLinks) -> list[dict[str, Any]]:
+    """A model's links with the actions that held them and, as `cluster`, their numbers; by name they are their objects'
+    first, second, ... links. Those of which nobody can say whose they are, are left out."""
+    acted, values, counts = acted_objects(observe_episode(episode)), [], Counter[int]()
+    for cluster in range(told.probabilities.shape[1]):
+        steps = np.flatnonzero(told.clusters == cluster)
+        owners = Counter(acted[steps][acted[steps] >= 0].tolist())
+        if owners:
+            [(owner, _)] = owners.most_common(1)
+            counts[owner] += 1
+            values.append({"id": f"{owner}.{counts[owner]}", "of": owner, "steps": steps.tolist(), "cluster": cluster})
+    return values
 
 
 def graph_lines(values: dict[str, Any]) -> list[str]:
@@ -181,7 +272,7 @@ def graph_lines(values: dict[str, Any]) -> list[str]:
     names = {node["id"]: node["name"] for node in values["nodes"]}
     lines = []
     for edge in values["edges"]:
-        if edge["claimed"]:
+        if edge["claimed"] and edge["link"] is None:
             words = [f"{names[edge['from']]} -> {names[edge['to']]}", f"{edge['probability']:.3f}"]
             words += [edge["mechanism"]] if edge["mechanism"] else []
             words += [f"after {edge['lag']} more action{'s' * (edge['lag'] > 1)}"] if edge["lag"] else []

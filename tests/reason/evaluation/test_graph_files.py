@@ -8,9 +8,10 @@ import pytest
 
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
+from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
 from busybot.reason.evaluation.graph_files import graph_lines, graph_values, read_graphs, write_graph
-from busybot.reason.models.base import InferredGraph
+from busybot.reason.models.base import InferredGraph, InferredLinks
 from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -59,6 +60,49 @@ def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
     assert graph.kinds == ("", "gate", "", "", "") and graph.lags is not None and graph.lags.tolist() == lags.tolist()
 
 
+def test_links_come_back_as_they_were_told(tmp_path: Path) -> None:
+    episode = make_episode(0)
+    acted = np.array([step.acted_object for step in episode.steps])
+    clusters = np.where(acted == 0, 1, np.where(acted == 3, 0, -1))
+    assert {0, 3} <= set(acted.tolist())
+    single = np.zeros((1, 2, 5))
+    single[0, 1, 1], single[0, 0, 2] = 0.8, 0.3
+    matrix = np.zeros((1, 5, 5))
+    matrix[0, 0, 1], matrix[0, 3, 2] = 0.9, 0.4
+    values = graph_values(episode, InferredGraph("mine", matrix, links=InferredLinks(clusters, single)), 6)
+    assert [(link["id"], link["of"]) for link in values["links"]] == [("3.1", 3), ("0.1", 0)]
+    assert [(edge["from"], edge["link"], edge["to"], edge["claimed"]) for edge in values["edges"]] == [
+        (0, None, 1, True), (3, None, 2, False), (0, "0.1", 1, True), (3, "3.1", 2, False)
+    ]  # fmt: skip
+    assert graph_lines(values) == ["switch 0 -> lamp 1, 0.900"], "once, not of its link again"
+    write_graph(tmp_path, values)
+    told = read_graphs(tmp_path).of(episode)
+    assert told.links is not None
+    np.testing.assert_array_equal(told.links.clusters, clusters)
+    np.testing.assert_allclose(told.links.after(6), single[0])
+    np.testing.assert_allclose(told.after(6), matrix[0])
+
+
+def test_single_links_of_a_strangers_graphs_are_judged(dataset: Dataset, tmp_path: Path) -> None:
+    graphs = []
+    for index in sorted(dataset.finished()):
+        episode = read_episode(dataset.episode_path(index))
+        held = {i: [n for n, step in enumerate(episode.steps) if step.acted_object == i] for i in (0, 3)}
+        true = [(t.object, r.responder) for r in episode.board.relations for t in r.triggers]
+        edges = [{"from": i, "link": f"link of {i}", "to": j} for i, j in true if held[i]]
+        links = [{"id": f"link of {i}", "of": i, "steps": steps} for i, steps in held.items() if steps]
+        graphs.append({"board": index, "links": links, "edges": edges})
+    judged = {}
+    for name, given in {"true": graphs, "none": [one | {"links": [], "edges": []} for one in graphs]}.items():
+        (tmp_path / name).write_text(json.dumps(given))
+        judged[name] = evaluate_dataset(dataset, ReasonEvaluation(given=read_graphs(tmp_path / name)), workers=1)
+    assert judged["true"]["link_parent_p"] == 1 and judged["true"]["link_parent_r"] > 0.5
+    assert judged["none"]["link_parent_r"] == 0
+    (tmp_path / "some").write_text(json.dumps([graphs[0], {"board": 1, "edges": []}]))
+    with pytest.raises(BusybotError, match="not of board 1"):
+        read_graphs(tmp_path / "some")
+
+
 def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: Path) -> None:
     episode = make_episode(0)
     boxes = episode.image(0).boxes.tolist()
@@ -97,6 +141,20 @@ WRONG = {
         "node 0 is no",
     ),
     "two nodes of one name": ('{"nodes": [{"id": 1}, {"id": 0}, {"id": 1}], "edges": []}', "two nodes with id 1"),
+    "a link of nobody": ('{"links": [{"id": 0, "of": 9, "steps": []}], "edges": []}', "node 9 is no object"),
+    "two links of one name": (
+        '{"links": [{"id": 0, "of": 0, "steps": [0]}, {"id": 0, "of": 3, "steps": []}], "edges": []}',
+        "two links with",
+    ),
+    "a link of another": (
+        '{"links": [{"id": "a", "of": 0, "steps": [0]}], "edges": [{"from": 3, "link": "a", "to": 1}]}',
+        "names link 'a', which is none of it",
+    ),
+    "a step beyond": ('{"links": [{"id": 0, "of": 0, "steps": [6]}], "edges": []}', "the recording has no step 6"),
+    "a step of two links": (
+        '{"links": [{"id": 0, "of": 0, "steps": [1]}, {"id": 1, "of": 3, "steps": [0, 1]}], "edges": []}',
+        "links 0 and 1 both have step 1",
+    ),
     "two of a board": ('[{"edges": []}, {"edges": []}]', "a second graph of board 0"),
     "no JSON": ("graph", "not valid JSON"),
 }

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from provision.packages import REGISTRY_HINT, STAMP
+from provision.packages import REGISTRY_HINT, STAMP, install_locked
 from provision.steps import Log, SetupError, alone_in, say
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -88,9 +88,8 @@ def install_packages() -> None:
     if _is(stamp, key):
         return
     say("installing the optional packages (Ray, causal-learn, h5py, Stable-Baselines3, s3fs)")
-    pip = [str(BASE / "bin" / "python"), "-m", "pip", "install", "--disable-pip-version-check", "--progress-bar", "off"]
-    exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(PACKAGES_LOCK)]
-    Log(ROOT / ".setup.log").must([*pip, *exact], "the optional packages could not be installed", REGISTRY_HINT)
+    failed = "the optional packages could not be installed"
+    install_locked(BASE / "bin" / "python", PACKAGES_LOCK, failed, Log(ROOT / ".setup.log"))
     stamp.write_text(key, encoding="utf-8")
 
 

@@ -70,6 +70,14 @@ def test_the_lock_has_hashes_and_no_place() -> None:
     assert not re.search(r"(?<![A-Za-z0-9])/[a-z]+/", LOCK), "a path"
 
 
+def test_the_locks_part_about_a_package_has_its_hashes_and_nothing_else() -> None:
+    part = packages.requirement(LOCK, "uv")
+    assert list(pins(part.splitlines())) == ["uv"] and part.count("--hash=sha256:") > 1
+    assert all(line.startswith(("uv==", "    --hash=")) for line in part.splitlines())
+    with pytest.raises(SetupError, match="does not pin no-such-package"):
+        packages.requirement(LOCK, "no-such-package")
+
+
 def duplicates() -> int:
     """Packages that the lock has in two versions, for older and for newer Python."""
     names = re.findall(r"^([a-z0-9][a-z0-9._-]*)==", LOCK, re.MULTILINE)

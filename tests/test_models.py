@@ -4,6 +4,8 @@ import json
 import os
 import shutil
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -28,6 +30,32 @@ TRAINING = {"seed": 3, "data": [{"name": "d", "assets": "procedural", "seed": 1,
 
 def run(*words: str) -> Result:
     return CliRunner().invoke(app, words)
+
+
+LOADED = """
+import sys
+import torch
+from busybot.interact.affordance.load import load_model
+from busybot.interact.affordance.networks import make_paper_network
+from busybot.plan.learning.config import BcConfig
+from busybot.plan.learning.network import PolicyNetwork
+from busybot.reason.models.paper.config import PaperReasonConfig
+from busybot.reason.models.paper.networks import network_of
+from busybot.reason.models.registry import load_reasoner
+
+load_model("procedural"), load_reasoner("event"), load_reasoner("mechanism")
+with torch.device("meta"):
+    make_paper_network("position", "depth", (120, 160)), make_paper_network("direction", "depth", (120, 160))
+    network_of(PaperReasonConfig())
+    PolicyNetwork(BcConfig().net), PolicyNetwork(BcConfig().net.model_copy(update={"memory": "attention"}))
+print("loaded", *(name for name in ("torch._dynamo", "sympy") if name in sys.modules))
+"""
+
+
+def test_loading_models_does_not_load_a_compiler() -> None:
+    """It would take two seconds in every process."""
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["loaded"]
 
 
 @pytest.fixture

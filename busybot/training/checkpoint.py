@@ -6,7 +6,6 @@ iteration among it (`initialise`), comes from such a generator, too.
 """
 
 import json
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -70,23 +69,19 @@ def network_tensors(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
     return {name.removeprefix(NETWORK): value for name, value in tensors.items() if name.startswith(NETWORK)}
 
 
-COMPILER_CACHE = "TORCHINDUCTOR_CACHE_DIR"
-
-
 def network_with(make: Callable[[], Network], tensors: dict[str, Tensor], where: Path) -> Network:
     """The network that `make` makes, with these weights.
 
-    What a stranger's card says of sizes is compared with the weights before anything is allocated.
+    What a stranger's card says of sizes is compared with the weights before anything is allocated. Networks are made
+    without numbers for that: where they compute with some as they are made, those lie on the CPU, or PyTorch loads its
+    compiler for it, two seconds in every process.
 
     Raises:
         BusybotError: naming `where`: the weights are those of another network, or no finite numbers.
     """
     with drawing_nothing():
-        told = COMPILER_CACHE in os.environ
         with torch.device("meta"):
             expected = {name: tuple(value.shape) for name, value in make().state_dict().items()}
-        if not told:  # PyTorch sets it on the way to networks without numbers; loading changes nothing in the process
-            os.environ.pop(COMPILER_CACHE, None)
         found = {name: tuple(value.shape) for name, value in tensors.items()}
         for name in sorted(expected.keys() | found.keys()):
             if expected.get(name) != found.get(name):

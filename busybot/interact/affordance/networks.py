@@ -158,7 +158,7 @@ class DirectionNet(nn.Module):
     def __init__(self, channels: int):
         super().__init__()
         a, b, c, d = DIRECTION_WIDTHS
-        axis = (torch.arange(CROP) - CROP / 2 + 0.5) / (CROP / 2)
+        axis = (torch.arange(CROP, device="cpu") - CROP / 2 + 0.5) / (CROP / 2)
         rows, columns = torch.meshgrid(axis, axis, indexing="ij")
         gaussian = torch.exp(-(rows**2 + columns**2) * GAUSSIAN_SHARPNESS)
         self.register_buffer("places", torch.stack([rows, columns, gaussian]), persistent=False)

@@ -269,8 +269,8 @@ class MechanismNet(nn.Module):
         self.config, width = config, config.width
         family = families() if config.families else list(range(KINDS))  # of each kind; each is its own otherwise
         self.register_buffer("family", torch.tensor(family), persistent=False)
-        three = torch.arange(KINDS) // len(MEMORIES) > 2
-        self.register_buffer("rarer", RARER * (three & config.families), persistent=False)
+        rarer = [RARER * (config.families and kind // len(MEMORIES) > 2) for kind in range(KINDS)]
+        self.register_buffer("rarer", torch.tensor(rarer), persistent=False)
         self.kind = nn.Linear(max(family) + 1, width, bias=False)
         heard = EVIDENCE + 1 + config.rising
         self.evidence = nn.Linear(heard, width)

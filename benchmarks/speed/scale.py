@@ -304,14 +304,15 @@ Measuring = Callable[[Point, tuple[str, ...], Path], dict[str, Any]]
 
 
 def measured(curves: Mapping[str, Curve], work: Path, measuring: Measuring = measure) -> dict[str, Any]:
-    """Curves with the figures of their points; what this commit has measured already is read."""
+    """Curves with the figures of their points, one that several have measured once; what this commit has measured
+    already is read."""
     make_folder(work)
-    now, done, found = commit(), 0, {}
+    now, done, found, same = commit(), 0, {}, dict[Any, Path]()
     for name, curve in curves.items():
         points = []
         for point in curve.points:
             done += 1
-            kept = work / f"{name}-{point.name}.json"
+            kept = same.setdefault((point, curve.commands), work / f"{name}-{point.name}.json")
             told = json.loads(kept.read_text()) if kept.exists() else {}
             if told.get("commit") != now:
                 of = sum(len(one.points) for one in curves.values())

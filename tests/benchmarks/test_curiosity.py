@@ -21,10 +21,10 @@ def test_when_relations_are_known_is_the_first_action_after_which_f1_is_high_eno
 @pytest.mark.long
 def test_a_small_study(tmp_path: Path) -> None:
     library = find("procedural")
-    found = curiosity.drawn("gates", 2, (*curiosity.CHOICES, "greedy"), library, seed=3)
+    found = curiosity.drawn("gates", 1, (*curiosity.CHOICES, "greedy"), library, seed=3)
     assert {len(told["f1"]) for told in found.values()} == {curiosity.ACTIONS}
     assert found["greedy"]["regret"] == 0 and found["curious"]["f1"][-1] > 0.8
-    again = curiosity.drawn("gates", 2, ("curious",), library, seed=3)
+    again = curiosity.drawn("gates", 1, ("curious",), library, seed=3)
     assert again["curious"]["f1"] == found["curious"]["f1"]
     curiosity.curves(tmp_path / "curves.png", {"rows": {"gates": {"drawn": found}}})
     assert (tmp_path / "curves.png").read_bytes()[:4] == b"\x89PNG"

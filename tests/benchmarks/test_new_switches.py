@@ -32,8 +32,8 @@ def test_a_small_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The oracle moves all new switches, relations are found; the second run finds everything judged."""
     monkeypatch.setattr(new_switches, "POLICIES", {name: new_switches.POLICIES[name] for name in ("random", "oracle")})
     monkeypatch.setattr(new_switches, "BOARD_SEED", 3)  # no boards of a frozen set, which a judging would be logged of
-    monkeypatch.setattr(new_switches, "REASONERS", ("event", "mechanism", "count"))
-    words = ["--work", str(tmp_path / "work"), "--seed", "3", "--drawn", "6", "--boards", "2"]
+    monkeypatch.setattr(new_switches, "REASONERS", ("event", "count"))
+    words = ["--work", str(tmp_path / "work"), "--seed", "3", "--drawn", "4", "--boards", "2"]
     new_switches.main([*words, "--out", str(tmp_path / "told.json")])
     told = read_result(tmp_path / "told.json", new_switches.KIND)
     assert told["rows"]["new"]["oracle"]["recall"] == 1 > told["rows"]["new"]["random"]["recall"]

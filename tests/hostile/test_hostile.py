@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.hostile.run import KINDS_OF_FILES, parent, with_others
+from tests.hostile.reading import KINDS_OF_FILES
+from tests.hostile.run import parent, with_others
 
 CASES = 8
 

@@ -31,6 +31,11 @@ PROCESSES = multiprocessing.get_context("forkserver")
 PROCESSES.set_forkserver_preload([reading.__name__])  # what all of them import, six seconds' work, is imported once
 
 
+def cases_of(name: str, usual: int) -> int:
+    """How many copies of a kind there are, where there are so many of the usual ones: fewer of what takes long."""
+    return -(-usual // KINDS_OF_FILES[name].every)
+
+
 def parent(name: str, cases: int) -> dict[str, Any]:
     """Run a kind's copies in a process of its own; if that dies or hangs it is a finding, and a new one goes on."""
     lines: list[dict[str, Any]] = []
@@ -114,7 +119,7 @@ def main() -> int:
     kinds: dict[str, Any] = {}
     for name in arguments.only.split(",") if arguments.only else list(KINDS_OF_FILES):
         kind, old = KINDS_OF_FILES[name], before["kinds"].get(name, {})
-        cases = -(-arguments.cases // kind.every)
+        cases = cases_of(name, arguments.cases)
         made = {"class": kind.line, "commit": head["commit"], "cases": cases}
         if arguments.resume and old.items() >= made.items():
             kinds[name] = old

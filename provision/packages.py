@@ -153,8 +153,8 @@ def requirement(lock: str, name: str) -> str:
 def install_locked(python: Path, lock: Path, failed: str, log: Log) -> None:
     """Install a lock's packages into the environment of `python`, which has pip.
 
-    uv does it in a tenth of pip's processor time. Where it cannot, pip does, which alone reads its own configuration:
-    that may name the only registry that can be reached.
+    uv does it in a fraction of pip's processor time. Where it cannot, pip does: it alone reads its own configuration,
+    which may name the only registry that can be reached.
     """
     pip = [str(python), "-m", "pip", *PIP_INSTALL]
     exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(lock)]

@@ -21,6 +21,7 @@ REGISTRY_HINT = (
 )
 PIP_INSTALL = ("install", "--disable-pip-version-check", "--progress-bar", "off", "--no-compile")
 """Compiled is what is imported, when it is."""
+EXACTLY = ("--no-deps", "--require-hashes", "--only-binary", ":all:")
 IMPATIENT = {"UV_HTTP_RETRIES": "1"}
 """Another way stands behind it."""
 READ_TORCH = (
@@ -142,12 +143,10 @@ def _usable(environment: Environment) -> bool:
     return done.returncode == 0 and done.stdout.strip() == f"{sys.version}\n{environment.folder}" and at_home
 
 
-def requirement(lock: str, name: str) -> str:
-    """The part of a lock that is about one package, with its hashes."""
-    found = re.search(rf"^{re.escape(name)}==.*\n(?: +.*\n?)*", lock, re.MULTILINE)
-    if found is None:
-        raise SetupError(f"the lock does not pin {name}", "Restore requirements/lock.txt.")
-    return found[0]
+def locked(lock: str, name: str) -> str:
+    """The lines of a lock about one package, with its version and hashes; none if it is not there."""
+    found = re.search(rf"^{re.escape(name)}==(?:.*\\\n)*.*\n", lock, re.MULTILINE)
+    return found[0] if found else ""
 
 
 def install_locked(python: Path, lock: Path, failed: str, log: Log) -> None:
@@ -156,25 +155,21 @@ def install_locked(python: Path, lock: Path, failed: str, log: Log) -> None:
     uv does it in a fraction of pip's processor time. Where it cannot, pip does: it alone reads its own configuration,
     which may name the only registry that can be reached.
     """
-    pip = [str(python), "-m", "pip", *PIP_INSTALL]
-    exact = ["--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(lock)]
-    if not installed(python).get("uv"):
-        own = python.parent.parent / "uv.txt"
-        own.write_text(requirement(lock.read_text(encoding="utf-8"), "uv"), encoding="utf-8")
-        log.must(
-            [*pip, "--no-deps", "--require-hashes", "--only-binary", ":all:", "-r", str(own)], failed, REGISTRY_HINT
-        )
+    words = [*EXACTLY, "-r", str(lock)]
     uv = [str(python), "-m", "uv", "pip", "install", "--python", str(python)]
-    if not log.run([*uv, *exact], extra=IMPATIENT):
-        log.must([*pip, *exact], failed, REGISTRY_HINT)
+    if not log.run([*uv, *words], extra=IMPATIENT):
+        log.must([str(python), "-m", "pip", *PIP_INSTALL, *words], failed, REGISTRY_HINT)
 
 
 def install(environment: Environment, log: Log) -> None:
     """Install everything that is not yet there, and write the stamp at the end."""
+    pip = [str(environment.python), "-m", "pip", *PIP_INSTALL]
     say(f"installing the pinned packages, about a minute (details in {log.path})")
+    uv = environment.folder / "uv.txt"
+    uv.write_text(locked(environment.lock.read_text(encoding="utf-8"), "uv"), encoding="utf-8")
+    log.run([*pip, *EXACTLY, "-r", str(uv)])
     install_locked(environment.python, environment.lock, "the pinned packages could not be installed", log)
     install_torch(environment, log)
-    pip = [str(environment.python), "-m", "pip", *PIP_INSTALL]
     log.must(
         [*pip, "--no-deps", "--no-build-isolation", "-e", str(environment.root)],
         "busybot itself could not be installed",

@@ -19,7 +19,6 @@ above, and without `--data` there is nothing else:
 """
 
 import argparse
-import re
 import subprocess
 import sys
 import tempfile
@@ -37,6 +36,7 @@ from busybot.evaluation.results import commit
 from busybot.reason.inputs.board_dataset import held_apart
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.paper.config import PaperReasonConfig
+from provision import packages
 
 LOCK = Path(__file__).resolve().parents[2] / "requirements" / "lock.txt"
 WHEELS = (
@@ -105,10 +105,10 @@ def pack(arguments: argparse.Namespace) -> dict[str, Any]:
 def locked(names: list[str]) -> str:
     """The lines of the lock about these packages, with versions and hashes."""
     text = LOCK.read_text(encoding="utf-8")
-    found = {name: re.search(rf"^{re.escape(name)}==(?:.*\\\n)*.*\n", text, re.MULTILINE) for name in names}
-    if absent := [name for name, lines in found.items() if lines is None]:
+    found = {name: packages.locked(text, name) for name in names}
+    if absent := [name for name, lines in found.items() if not lines]:
         raise BusybotError(f"{LOCK.name} has no {', '.join(absent)}", "name packages as it does")
-    return "".join(lines[0] for lines in found.values() if lines)
+    return "".join(found.values())
 
 
 def fetch(names: list[str], python: str, folder: Path) -> int:

@@ -304,10 +304,9 @@ Measuring = Callable[[Point, tuple[str, ...], Path], dict[str, Any]]
 
 
 def measured(curves: Mapping[str, Curve], work: Path, measuring: Measuring = measure) -> dict[str, Any]:
-    """Curves with the figures of their points, one that several have measured once; what this commit has measured
-    already is read."""
+    """Curves with the figures of their points. What this commit has measured already is read, also of another curve."""
     make_folder(work)
-    now, done, found, same = commit(), 0, {}, dict[Any, Path]()
+    now, done, found, same = commit(), 0, {}, dict[tuple[Point, tuple[str, ...]], Path]()
     for name, curve in curves.items():
         points = []
         for point in curve.points:

@@ -48,7 +48,7 @@ class GraphLink(GivenModel):
 
     id: int | str
     of: int | str
-    steps: tuple[int, ...] = Field(strict=False)
+    steps: tuple[int, ...] = Field(min_length=1, strict=False)
 
 
 class GraphEdge(GivenModel):
@@ -108,17 +108,19 @@ class _Reading:
 
     def graph(self) -> InferredGraph:
         told = self.told
-        links = {link.id: number for number, link in enumerate(told.links or ())}
         clusters = self._clusters()
+        links = {link.id: (number, link.of) for number, link in enumerate(told.links or ())}
         probabilities, single = np.zeros((1, self.count, self.count)), np.zeros((1, len(links), self.count))
         kinds, lags = [""] * self.count, np.full(self.count, -1)
         for edge in told.edges:
             cause, effect = self._number_of(edge.cause), self._number_of(edge.effect)
             probabilities[0, cause, effect] = max(probabilities[0, cause, effect], edge.probability)
             if edge.link is not None:
-                self._belongs(edge)
-                at = (0, links[edge.link], effect)
-                single[at] = max(single[at], edge.probability)
+                number, owner = links.get(edge.link, (-1, None))
+                if owner != edge.cause:
+                    what = f"{self.place}: an edge from node {edge.cause!r} names link {edge.link!r}"
+                    raise BusybotError(f"{what}, which is none of it", f"list it in `links` with `of`; {HINT}")
+                single[0, number, effect] = max(single[0, number, effect], edge.probability)
             kinds[effect] = edge.mechanism or kinds[effect]
             if edge.lag is not None:  # the earliest of an object's inputs counts
                 lags[effect] = edge.lag if lags[effect] < 0 else min(lags[effect], edge.lag)
@@ -133,7 +135,7 @@ class _Reading:
 
     def _only_once(self, what: str, ids: list[int | str]) -> None:
         if len(set(ids)) < len(ids):
-            twice = next(name for name in ids if ids.count(name) > 1)
+            [(twice, _)] = Counter(ids).most_common(1)
             raise BusybotError(f"{self.place}: two {what} with id {twice!r}", "give each its own")
 
     def _number_of(self, name: int | str) -> int:
@@ -159,12 +161,6 @@ class _Reading:
                     raise BusybotError(what, "an action takes hold of one link at most")
                 clusters[step] = number
         return clusters
-
-    def _belongs(self, edge: GraphEdge) -> None:
-        owner = next((link.of for link in self.told.links or () if link.id == edge.link), None)
-        if owner != edge.cause:
-            what = f"{self.place}: an edge from node {edge.cause!r} names link {edge.link!r}, which is none of it"
-            raise BusybotError(what, f"list it in `links` with `of`; {HINT}")
 
 
 def _object(node: Node, episode: Episode) -> int | None:

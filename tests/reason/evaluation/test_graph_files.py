@@ -141,15 +141,17 @@ WRONG = {
         "node 0 is no",
     ),
     "two nodes of one name": ('{"nodes": [{"id": 1}, {"id": 0}, {"id": 1}], "edges": []}', "two nodes with id 1"),
-    "a link of nobody": ('{"links": [{"id": 0, "of": 9, "steps": []}], "edges": []}', "node 9 is no object"),
+    "a link of nobody": ('{"links": [{"id": 0, "of": 9, "steps": [0]}], "edges": []}', "node 9 is no object"),
     "two links of one name": (
-        '{"links": [{"id": 0, "of": 0, "steps": [0]}, {"id": 0, "of": 3, "steps": []}], "edges": []}',
+        '{"links": [{"id": 0, "of": 0, "steps": [0]}, {"id": 0, "of": 3, "steps": [1]}], "edges": []}',
         "two links with",
     ),
     "a link of another": (
         '{"links": [{"id": "a", "of": 0, "steps": [0]}], "edges": [{"from": 3, "link": "a", "to": 1}]}',
         "names link 'a', which is none of it",
     ),
+    "a link of no list": ('{"edges": [{"from": 0, "link": 5, "to": 1}]}', "names link 5, which is none of it"),
+    "a link that nothing held": ('{"links": [{"id": 0, "of": 0, "steps": []}], "edges": []}', "links.0.steps"),
     "a step beyond": ('{"links": [{"id": 0, "of": 0, "steps": [6]}], "edges": []}', "the recording has no step 6"),
     "a step of two links": (
         '{"links": [{"id": 0, "of": 0, "steps": [1]}, {"id": 1, "of": 3, "steps": [0, 1]}], "edges": []}',

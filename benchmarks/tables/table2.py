@@ -11,7 +11,8 @@ Beneath `random` lie recordings of the same boards without exploration. Every bo
 tell more than 15.
 
 Beneath `few` lie the first boards of those to judge on, for models that are slow: SPLITS are
-`novel-object,novel-config,validation`.
+`novel-object,novel-config,validation`, and the same behind `random/` for the row of the paper's model without
+exploration.
 
 `--data` holds recorded datasets: `train` (to train on), `validation` (training objects, other boards), `novel-config`
 and `novel-object` (to judge on). The rows "without exploration" need the same beneath `random`, recorded with
@@ -94,7 +95,8 @@ class Table2Row:
         train: options of `busybot train reason`.
         judge: options of `busybot eval reason`.
         data: folder beneath `--data` with its datasets.
-        judged: folder beneath that with those that it is judged on; `few` is a smaller recording of the same boards.
+        judged: folder of `--data` that has this folder with what it is judged on; `few` is a smaller recording of the
+            same boards.
         seeds: so many trainings; ours has three, what stands beside it one.
     """
 
@@ -128,13 +130,15 @@ ROWS = {
     "persistence": Table2Row("persistence"),
     "pc": Table2Row("pc"),
     "pc-pairs": Table2Row("pc", judge=runner.settings("condition=0"), judged="few"),
-    "paper": Table2Row(train=PAPER),
+    "paper": Table2Row(train=PAPER, judge=SLOW, judged="few"),
     "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), judge=SLOW, judged="few"),
     "paper-short-without-inference": Table2Row(
         train=(*PAPER, *runner.settings(*SHORT, "inference=false")), judge=SLOW, judged="few"
     ),
-    "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false"))),
-    "paper-without-exploration": Table2Row(train=PAPER, data="random"),
+    "paper-without-inference": Table2Row(
+        train=(*PAPER, *runner.settings("inference=false")), judge=SLOW, judged="few"
+    ),
+    "paper-without-exploration": Table2Row(train=PAPER, judge=SLOW, data="random", judged="few"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
 WHOLE_SCHEDULE = ("paper", "paper-without-inference", "paper-without-exploration")
@@ -159,7 +163,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
             kept = {key: value for key, value in told.items() if key not in ("out", "model")}
             trained.append({**kept, "machine": told["training"].get("machine") or machine()})
         for split in SPLITS:
-            if (dataset := data / row.judged / split).is_dir():
+            if (dataset := arguments.data / row.judged / row.data / split).is_dir():
                 commands.append(("eval", "reason", str(dataset), "--reasoner", model, *judging))
                 judged.setdefault(split, []).append(
                     answered(commands[-1], arguments.work / f"{name}-{seed}-{split}.json")

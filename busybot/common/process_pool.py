@@ -2,6 +2,7 @@
 
 Why not `concurrent.futures`: a simulator process must be replaced after some hundred boards, a task that hangs must be
 killed alone, and no worker may outlive its parent. Workers are spawned, never forked: no renderer survives a fork.
+What one work after the other is done by the same workers that wait in between, if it is done within `keeping_workers`.
 
 Ray is for many machines that share a file system; on one, spawned processes are quicker to start and as fast. Without
 `RAY_ADDRESS` in the environment Ray is started here, on the loopback interface alone and without its dashboard, and
@@ -51,11 +52,20 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
+@dataclass(frozen=True)
+class _Given:
+    """A task, and what is worked on."""
+
+    task: int
+    value: Any
+
+
 @dataclass
 class _Worker:
     process: Any
     pipe: Connection
     number: int
+    of: int
     task: int | None = None
     started: float = 0.0
     done: int = 0
@@ -110,7 +120,7 @@ def run_tasks(
         BusybotError: a task was at fault (its message), or it killed its worker or ran out of time in every try.
     """
     waiting, tries, workers = deque(tasks), Counter[int](), max(workers, 1)
-    pool: list[_Worker] = []
+    pool = _kept_for(make_work, arguments, workers)
     try:
         while waiting or any(worker.task is not None for worker in pool):
             pool = _staff(pool, workers, len(waiting), make_work, arguments, recycle)
@@ -125,7 +135,47 @@ def run_tasks(
                     yield from _settle(outcome, waiting, tries)
     finally:
         for worker in pool:
+            if _kept is None or worker.task is not None:
+                _end(worker)
+            else:
+                _kept.append(worker)
+
+
+_kept: list[_Worker] | None = None
+"""Workers that wait for this process's next work; None outside of `keeping_workers`."""
+
+
+@contextlib.contextmanager
+def keeping_workers() -> Iterator[None]:
+    """Within the block the workers of `run_tasks` do not end with the work: the next one finds them started.
+
+    It is for work in many small parts, each of which would start its workers anew. They keep what they have imported,
+    and the renderer; nothing else.
+    """
+    global _kept
+    if _kept is not None:
+        yield
+        return
+    _kept = []
+    try:
+        yield
+    finally:
+        workers, _kept = _kept, None
+        for worker in workers:
             _end(worker)
+
+
+def _kept_for(make_work: MakeWork, arguments: tuple[Any, ...], workers: int) -> list[_Worker]:
+    """The workers that wait, with their new work; those that are of another number of workers end."""
+    pool: list[_Worker] = []
+    while _kept:
+        worker = _kept.pop()
+        if worker.of == workers and worker.process.is_alive():
+            _send_work(worker, make_work, arguments)
+            pool.append(worker)
+        else:
+            _end(worker)
+    return pool
 
 
 def run_on_ray(
@@ -232,16 +282,23 @@ def _settle(outcome: Outcome, waiting: deque[int], tries: Counter[int]) -> Itera
 
 
 class _Work:
-    """What a worker does with its tasks; set up at the first one."""
+    """What a worker does with its tasks; set up at the first one.
 
-    def __init__(self, make_work: MakeWork, arguments: tuple[Any, ...]):
+    Args:
+        before: what it did before; it stays until a task is done, because it may hold a renderer that both can use.
+    """
+
+    def __init__(self, make_work: MakeWork, arguments: tuple[Any, ...], before: "_Work | None" = None):
         self._make_work, self._arguments = make_work, arguments
         self._work: Callable[[Any], Any] | None = None
+        self._before = before and before._work
 
     def run(self, task: int, given: Any) -> Outcome:
         try:
             self._work = self._work or self._make_work(*self._arguments)
-            return task, "done", self._work(given)
+            result = self._work(given)
+            self._before = None
+            return task, "done", result
         except BusybotError as error:
             return task, "fault", (error.what, error.hint)
         except (OSError, MemoryError) as error:
@@ -267,17 +324,22 @@ def _staff(
         process = context.Process(target=_main, args=(there, os.getpid(), f"{number}/{workers}"), daemon=True)
         process.start()
         there.close()
+        worker = _Worker(process, here, number, workers)
         # not among the process's own arguments: Python would wait for ever for one that ends before it reads them
-        with contextlib.suppress(OSError):
-            here.send((make_work, arguments))
-        kept.append(_Worker(process, here, number))
+        _send_work(worker, make_work, arguments)
+        kept.append(worker)
     return kept
+
+
+def _send_work(worker: _Worker, make_work: MakeWork, arguments: tuple[Any, ...]) -> None:
+    with contextlib.suppress(OSError):  # a dead worker is noticed when it is staffed, or its result collected
+        worker.pipe.send((make_work, arguments))
 
 
 def _hand_out(worker: _Worker, task: int, given: Any) -> None:
     worker.task, worker.started = task, time.monotonic()
     with contextlib.suppress(OSError):  # a dead worker is noticed when its result is collected
-        worker.pipe.send((task, given))
+        worker.pipe.send(_Given(task, given))
 
 
 def _collect(worker: _Worker, task_seconds: float) -> Outcome | None:
@@ -330,15 +392,19 @@ def _main(pipe: Connection, parent: int, place: str) -> None:
     work: _Work | None = None
     while True:
         try:
-            work = work or _Work(*pipe.recv())
-            task, given = pipe.recv()
+            asked = pipe.recv()
         except (EOFError, OSError):
             os._exit(0)
+        if not isinstance(asked, _Given):
+            make_work, arguments = asked
+            work = _Work(make_work, arguments, work)
+            continue
+        assert work is not None, "what to do comes before the first task"
         try:
-            pipe.send(work.run(task, given))
+            pipe.send(work.run(asked.task, asked.value))
         except Exception as error:  # told to the parent, which ends the work; trying again would not help
             traceback.print_exc()
-            pipe.send((task, "fault", (f"task {task}: {type(error).__name__}: {error}", None)))
+            pipe.send((asked.task, "fault", (f"task {asked.task}: {type(error).__name__}: {error}", None)))
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import RECYCLE, machine, run_tasks, share
+from busybot.common.process_pool import RECYCLE, keeping_workers, machine, run_tasks, share
 
 
 def squares(offset: int) -> Callable[[int], tuple[int, int]]:
@@ -121,6 +121,35 @@ def test_faults_of_one_shared_task_reach_the_caller(workers: int) -> None:
 def test_worn_out_workers_are_replaced() -> None:
     processes = {pid for _, (_, pid) in run_tasks(range(6), squares, (0,), 1, recycle=2)}
     assert len(processes) == 3 and os.getpid() not in processes
+
+
+def test_kept_workers_do_what_comes_next_and_end_with_the_block() -> None:
+    with keeping_workers():
+        first = {pid for _, (_, pid) in run_tasks(range(4), squares, (0,), 2)}
+        again = dict(run_tasks(range(4), squares, (5,), 2))
+        assert {value for value, _ in again.values()} == {5, 6, 9, 14}
+        assert {pid for _, pid in again.values()} <= first
+        [(_, (_, alone))] = run_tasks([0], squares, (0,), 1)  # another number of workers, another share of the GPUs
+        assert alone not in first and not any(_runs(pid) for pid in first)
+    assert not _runs(alone)
+
+
+def test_kept_workers_are_no_longer_at_what_was_given_up(tmp_path: Path) -> None:
+    with keeping_workers():
+        with pytest.raises(BusybotError, match="is broken"):
+            list(run_tasks(range(3), faulty, (), 2))
+        begun = run_tasks([0, 1], slow_but_for_the_first, (), 2)
+        assert next(begun) == (0, 0)
+        begun.close()
+        assert sorted(task for task, _ in run_tasks(range(7), dying, (str(tmp_path),), 2)) == list(range(7))
+
+
+def slow_but_for_the_first() -> Callable[[int], int]:
+    def work(task: int) -> int:
+        time.sleep(600 * task)
+        return task
+
+    return work
 
 
 def test_a_task_that_kills_its_worker_is_tried_again(tmp_path: Path) -> None:

@@ -139,7 +139,7 @@ class PaperModel(AffordanceModel):
         if self.info.inputs == "rgb":
             features = colour_features(seen.rgb)[None]
         else:
-            features = depth_and_normals(torch.from_numpy(seen.depth)[None], self._pinhole(rays))
+            features = depth_and_normals(torch.from_numpy(seen.depth)[None].to(self.on), self._pinhole(rays)).cpu()
         logits = self._run("position", features)[0]
         affordance = torch.where(torch.from_numpy(height > ELEVATED), logits[1] - logits[0], NOT_ELEVATED)
         return AffordanceView(height, affordance.numpy(), features[0].numpy())

@@ -32,7 +32,7 @@ from torch.nn import functional
 
 from busybot.common.atomic_io import remove, write_atomically
 from busybot.common.errors import BusybotError
-from busybot.common.process_pool import machine
+from busybot.common.process_pool import keeping_workers, machine
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
@@ -140,7 +140,19 @@ def recorded_pictures(samples: Samples, chosen: np.ndarray, on: torch.device) ->
     stored = np.stack([samples.picture(index) for index in chosen])
     if samples.inputs == "rgb":
         return colour_features(stored).to(on)
-    return depth_and_normals(torch.from_numpy(samples.depths(chosen, stored)).to(on), Pinhole(samples.camera))
+    return depth_and_normals(stored_depths(stored, samples.scale[chosen], on), Pinhole(samples.camera))
+
+
+def stored_depths(stored: np.ndarray, scale: np.ndarray, on: torch.device) -> Tensor:
+    """As `Samples.depths`, computed on the device, to which half as many bytes travel.
+
+    Shapes:
+        stored: uint16 (B, H, W); scale: float32 (B, 2).
+        returns: float32 (B, H, W).
+    """
+    codes = torch.from_numpy(stored.view(np.int16)).to(on).int() & 0xFFFF  # PyTorch hardly computes with uint16
+    offset, step = torch.from_numpy(scale).to(on).T[:, :, None, None]
+    return torch.where(codes > 0, offset + codes * step, 0.0)
 
 
 def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray) -> Tensor:
@@ -197,6 +209,13 @@ class PaperTraining:
         self.recorder.begin(self.out, self.given)
         torch.set_num_threads(self.config.threads)
         repeat_exactly()
+        with keeping_workers():  # hundreds of epochs, each of seconds
+            self._run_epochs()
+        model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})
+        model.save(self.out / "model")
+        return model
+
+    def _run_epochs(self) -> None:
         for epoch in range(self.config.epochs):
             self.datasets.append(self._recorded(epoch))
             if not self.learners:
@@ -206,9 +225,6 @@ class PaperTraining:
             self._train(epoch)
             if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
                 self._report()
-        model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})
-        model.save(self.out / "model")
-        return model
 
     def begin(self, size: Size) -> None:
         """New networks for pictures of this size, or those of the last checkpoints."""

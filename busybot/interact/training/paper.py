@@ -45,7 +45,7 @@ from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, mixed, repeat_exactly
+from busybot.training.device import device, mixed
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
@@ -208,7 +208,7 @@ class PaperTraining:
         """
         self.recorder.begin(self.out, self.given)
         torch.set_num_threads(self.config.threads)
-        repeat_exactly()
+        # nothing is asked to repeat exactly on a GPU: pictures would be interpolated by sorting, many times slower
         with keeping_workers():  # hundreds of epochs, each of seconds
             self._run_epochs()
         model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})

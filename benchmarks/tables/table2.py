@@ -135,9 +135,7 @@ ROWS = {
     "paper-short-without-inference": Table2Row(
         train=(*PAPER, *runner.settings(*SHORT, "inference=false")), judge=SLOW, judged="few"
     ),
-    "paper-without-inference": Table2Row(
-        train=(*PAPER, *runner.settings("inference=false")), judge=SLOW, judged="few"
-    ),
+    "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false")), judge=SLOW, judged="few"),
     "paper-without-exploration": Table2Row(train=PAPER, judge=SLOW, data="random", judged="few"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""

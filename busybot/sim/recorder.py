@@ -7,8 +7,9 @@ The real camera (`scene.real_camera`) looks after every action.
 
 import hashlib
 import platform
+from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ from busybot.sim.scene.real_camera import GOAL_FRAME, REACH, true_depth
 from busybot.sim.vulkan_check import driver_of
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
+ALIASES = {"opencv-python": ("opencv-python-headless", "opencv-contrib-python", "opencv-contrib-python-headless")}
+"""Other packages that are the same library: machines without a screen often have one of these."""
 
 
 def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]) -> Grasp:
@@ -196,5 +199,17 @@ def _shader_hash() -> str:
 @cache
 def recorded_versions() -> dict[str, str]:
     """Versions of what decided the recording."""
-    packages = {name: version(name) for name in RECORDED_PACKAGES}
+    packages = {name: _version(name) for name in RECORDED_PACKAGES}
     return {"busybot": __version__, "python": platform.python_version(), **packages}
+
+
+def _version(name: str) -> str:
+    """Of a package, or of the first of its aliases that is installed.
+
+    Raises:
+        BusybotError: neither is.
+    """
+    for one in (name, *ALIASES.get(name, ())):
+        with suppress(PackageNotFoundError):
+            return version(one)
+    raise BusybotError(f"the package {name} is not installed", "busybot doctor")

@@ -28,7 +28,7 @@ convolution over time, the recurrent network and the last graph network are thos
 Every network computes its edge functions in one of two forms that give the same numbers (`parts.EdgeFunction`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -220,21 +220,35 @@ class PaperReasoner:
         self.network, self.encoder, self.threshold = network.eval(), encoder, threshold
         self.name = "paper" if isinstance(network, PaperNetwork) else "paper without inference"
 
-    @torch.no_grad()
     def graph(self, seen: BoardSequence) -> InferredGraph:
         """Edge probabilities after each step, and from the first frame alone: the prior. Zeros but for candidates."""
-        beliefs = np.zeros((seen.steps + 1, *seen.candidates.shape))
+        beliefs = self._beliefs(seen, range(seen.steps + 1))
+        return self._told(beliefs[1:] if seen.steps else beliefs, beliefs[0])
+
+    def graph_at_the_end(self, seen: BoardSequence) -> InferredGraph:
+        """See `Brief`."""
+        beliefs = self._beliefs(seen, sorted({0, seen.steps}))
+        return self._told(beliefs[-1:], beliefs[0])
+
+    def _told(self, beliefs: np.ndarray, prior: np.ndarray) -> InferredGraph:
+        known = isinstance(self.network, PaperNetwork)
+        return InferredGraph(self.name, beliefs, self.threshold, prior if known else None)
+
+    @torch.no_grad()
+    def _beliefs(self, seen: BoardSequence, after: Sequence[int]) -> np.ndarray:
+        """Edge probabilities after so many steps each; the ablation has none, which is zeros."""
+        beliefs = np.zeros((len(after), *seen.candidates.shape))
         if not isinstance(self.network, PaperNetwork):
-            return InferredGraph(self.name, beliefs[: max(1, seen.steps)], self.threshold)
+            return beliefs
         boards = self.board_of(seen)
         if boards.edge_index.shape[1]:
             frames = boards.observed(seen.steps + 1)
             nodes, edges = self.network.spatial(boards.edge_index, frames.states, None)
-            for step in range(seen.steps + 1):
+            for place, step in enumerate(after):
                 first, known = frames.first(step + 1), slice(0, step + 1)
                 relations = self.network.relate(boards.edge_index, first, nodes[:, known], edges[:, known])
-                beliefs[step] = _matrix(boards, relations.probabilities, seen)
-        return InferredGraph(self.name, beliefs[1:] if seen.steps else beliefs, self.threshold, beliefs[0])
+                beliefs[place] = _matrix(boards, relations.probabilities, seen)
+        return beliefs
 
     @torch.no_grad()
     def predict(self, seen: BoardSequence, current: np.ndarray, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.models.base import Reasoner
+from busybot.reason.models.base import Reasoner, believed
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.networks import PaperNetwork, PaperReasoner
 from tests.reason.paper_scenes import SMALL, watched
@@ -45,6 +45,9 @@ def test_what_is_believed_after_a_step_is_what_a_shorter_sequence_says(reasoner:
     for steps in range(1, 6):
         shorter = reasoner.graph(seen.first(steps + 1))
         assert np.allclose(shorter.after(steps), graph.after(steps), atol=1e-6)
+        brief = believed(reasoner, seen.first(steps + 1))
+        assert len(brief.probabilities) == 1 and np.array_equal(brief.probabilities[-1], shorter.probabilities[-1])
+        assert np.array_equal(brief.after(0), shorter.after(0))
     alone = reasoner.graph(seen.first(1))
     assert alone.probabilities.shape == (1, 5, 5) and np.allclose(alone.after(1), graph.after(0), atol=1e-6)
 

@@ -16,6 +16,7 @@ from busybot.boards.spec import BoardSpec
 from busybot.boards.task import least_steps, start_states, task_of
 from busybot.common.atomic_io import make_folder, write_atomically, write_json
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import keeping_workers
 from busybot.common.text import markdown_text
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -113,19 +114,20 @@ def run_demo(
     say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
     # levers with three positions and panels on every board: more to discover
     config = BoardConfig(boards=BOARDS, group_size=1, seed=seed, relations="one-to-many")
-    dataset = _collect(out / "boards", config, library, workers, say, model)
-    say("inferring which switch controls what, from pictures and actions alone")
-    result = evaluate_dataset(dataset, ReasonEvaluation(DEFAULT_REASONER), seed=seed, workers=1)
-    write_json(out / "relations.json", result)
-    episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
-    chosen = most_telling([episode.board for episode in episodes])
-    inferred = inferred_over_time(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
-    rollout, planned = _reach_goal(out, library, seed, say, model)
-    say(f"drawing a board of the world {GATES!r}")
-    gates = _only_episode(_collect(out / GATES, _gates(library, seed), library, 1, say, model))
-    judged, understood = _judged(gates, library)
-    say(f"drawing a board of the world {MIXED!r}")
-    mixed = _only_episode(_collect(out / MIXED, _mixed(library, seed), library, 1, say, model))
+    with keeping_workers():
+        dataset = _collect(out / "boards", config, library, workers, say, model)
+        say("inferring which switch controls what, from pictures and actions alone")
+        result = evaluate_dataset(dataset, ReasonEvaluation(DEFAULT_REASONER), seed=seed, workers=1)
+        write_json(out / "relations.json", result)
+        episodes = [read_episode(dataset.episode_path(index), "lazy") for index in range(BOARDS)]
+        chosen = most_telling([episode.board for episode in episodes])
+        inferred = inferred_over_time(episodes[chosen], DEFAULT_REASONER, STEPS + 1)
+        rollout, planned = _reach_goal(out, library, seed, say, model)
+        say(f"drawing a board of the world {GATES!r}")
+        gates = _only_episode(_collect(out / GATES, _gates(library, seed), library, 1, say, model))
+        judged, understood = _judged(gates, library)
+        say(f"drawing a board of the world {MIXED!r}")
+        mixed = _only_episode(_collect(out / MIXED, _mixed(library, seed), library, 1, say, model))
     say("drawing figures")
     thoughts = list(retrace(episodes[chosen], load_once(model), policy))
     pictures = _figures(out / "figures", episodes, chosen, inferred, thoughts)

@@ -73,7 +73,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "resnet-weights": speed_tables.resnet_weights,
         "features-speed": prose.features_speed,
         "paper-reason-speed": speed_tables.paper_reason_speed,
-        "gpu-rehearsal": speed_tables.gpu_rehearsal,
+        "table2-gpu": tables.table2_gpu,
         "table2": tables.table2,
         "reason-robustness": world_tables.robustness,
         "reason-procedural": tables.reason_procedural,

@@ -259,30 +259,6 @@ def paper_reason_speed() -> str:
     return markdown([plain_grid(("CPU seconds an iteration", "CPU hours for the schedule"), rows, "form")])
 
 
-def gpu_rehearsal() -> str:
-    """What travels to a machine with a GPU and back, and what a tenth of the epochs gave on a CPU."""
-    told = result("gpu-rehearsal")
-    pack, run, calls = told["pack"], told["run"], told["calls"]
-    config = pack["rows"][run["row"]]
-    there, back = (sum(one["bytes"].values()) / 1e6 for one in (pack, run))
-    first, last = told["losses"][0], told["losses"][-1]
-    cut = f"{len(calls) - 1} times, by its {calls[0]['minutes']:g} minutes" if len(calls) > 1 else "never"
-    minutes, each = run["seconds"] / 60, run["seconds"] / run["iterations"]
-    words = (
-        f"{pack['boards']} boards travelled in {there:.1f} MB. {run['iterations']:,} iterations "
-        f"({config['epochs']} of 200 epochs, in batches of {config['batch']}) took {minutes:.0f} minutes in "
-        f"{config['threads']} thread, {each:.1f} s each, and were cut off {cut}; {back:.0f} MB came back. "
-        f"The loss on the boards trained on fell from {first['loss']:.3f} (mean until iteration {first['until']}) to "
-        f"{last['loss']:.3f}."
-    )
-    rows = []
-    for split, one in told["judged"].items():
-        scores = [percent(one[key]) for key in ("edge_p", "edge_r", "pred_a")]
-        rows.append((NOVEL[split], [str(one["boards"]), *scores, percent(one["persistence"]["pred_a"])]))
-    heads = ("boards", "P", "R", "Pred-A", "Pred-A of nothing changes")
-    return markdown([Text(words), plain_grid(heads, rows, "percent")])
-
-
 def features() -> str:
     """How large the smallest change is for each encoder, and what decoders read from objects that they never saw."""
     rows = []

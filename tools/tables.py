@@ -13,7 +13,7 @@ from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, RE
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import binomial_interval, widest
 from busybot.view.report.gates import judge
-from busybot.view.report.page import Text, markdown, number, plain_grid, spread
+from busybot.view.report.page import Text, markdown, number, plain_grid, reference, spread
 from busybot.view.report.results import INTERVALS, Results, RowFound, Score, read_results, rows_of
 from busybot.view.report.sections import table_grid
 
@@ -134,6 +134,41 @@ def table2() -> str:
     """Table 2, and what our trainings took."""
     found, rows = _table(2)
     return markdown([table_grid(REASONING, rows), Text(trained_in([rows["event"]], found.about[2]["machine"]))])
+
+
+def table2_gpu() -> str:
+    """Rows of the paper's graph networks that were trained on a GPU, what they took, and what is trivial there."""
+    told = result("table2-gpu")["rows"]
+    words = {row.name: row.words for row in REASONING.rows}
+    places = [*product(REASONING.splits, ("edge_p", "edge_r", "pred_a"))]
+    lines, took = [], []
+    for name, row in rows_of(REASONING.number, told).items():
+        cells = [row.cells[place] for place in places]
+        lines.append((words[name], ["-" if one is None else f"{number(one.value)} {one.spread}" for one in cells]))
+        took.append(Text(_on_a_gpu(words[name], told[name]["training"][0]["training"])))
+    for name, row in told.items():
+        of = {split: one["seeds"][0] for split, one in row["splits"].items()}
+        still = [percent(of[split]["persistence"].get(key)) for split, key in places]
+        lines.append((f"{words['persistence']}, on the boards of {words[name]}", still))
+    lines += [
+        (
+            f"*the paper:* {of}",
+            ["" if (one := REASONING.at(REASONING.paper[of], *at)) is None else reference(one) for at in places],
+        )
+        for of in ("without exploration", "BusyBot")
+    ]
+    heads = [f"{REASONING.splits[split]}: {REASONING.keys[key]}" for split, key in places]
+    return markdown([plain_grid(heads, lines, "percent"), *took])
+
+
+def _on_a_gpu(words: str, training: dict[str, Any]) -> str:
+    """What a training on a GPU took."""
+    machine, minutes, iterations = (training[key] for key in ("machine", "minutes", "iterations"))
+    return (
+        f"{words}: {iterations:,} iterations on {training['boards']:,} boards took {minutes:.1f} minutes of an "
+        f"{machine['gpu']}, {60 * minutes / iterations:.2f} s each, and {machine['gpu_peak_bytes'] / 1e9:.1f} GB of "
+        "its memory."
+    )
 
 
 def table3() -> str:

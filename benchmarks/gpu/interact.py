@@ -4,8 +4,13 @@
 
 The schedule collects every epoch's boards with the networks of the epoch before, so the simulator has to be there, as
 a wheel (`benchmarks.gpu.pack --simulator`); the objects travel as they are. What runs is `busybot train interact
---variant paper` with the row's options of Table 1: networks on the GPU, pictures on the cores. After `--minutes` it is
-interrupted, as by Ctrl-C; the same command goes on in `--work`, to the weights of one that was not interrupted.
+--variant paper` with the row's options of Table 1: networks on the GPU, pictures on the cores where Vulkan has a driver
+for them. After `--minutes` it is interrupted, as by Ctrl-C; the same command goes on in `--work`, to the weights of one
+that was not interrupted.
+
+`--merge 4` makes one epoch of four, with as many boards and iterations as these have together: many workers finish an
+epoch of 16 boards before they are all busy. Networks that collect are as many boards older then, and the buffer holds
+as many steps. `--share 0.5` is half of the schedule, all its phases shortened alike.
 
 `--out` gets what travels, as of `benchmarks.gpu.train`: the networks as they are after the last whole epoch, in files
 of at most `--file-mb`, what each iteration lost and (every tenth epoch) epochs earned, and what is to be known of the
@@ -19,17 +24,21 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from benchmarks import runner
 from benchmarks.gpu.formats import RunInfo, write_run
 from benchmarks.gpu.train import MB, where
 from benchmarks.tables.table1 import PAPER, ROWS
-from busybot.common.atomic_io import read_json, write_json
+from busybot.common.atomic_io import read_json, write_atomically, write_json
 from busybot.common.device import choose
 from busybot.common.errors import BusybotError
 from busybot.evaluation.results import commit
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS
+from busybot.interact.training.config import PaperConfig
 from busybot.training.loop import files_of
 from busybot.training.run_folder import learner_versions, read_metrics
 
@@ -51,6 +60,37 @@ def train(command: tuple[str, ...], minutes: float) -> int | None:
             except subprocess.TimeoutExpired:
                 process.kill()
             return None
+
+
+def scaled(share: float, merge: int) -> dict[str, Any]:
+    """Parameters of a training that has this share of the paper's schedule, in epochs of `merge` epochs each.
+
+    Raises:
+        BusybotError: no epoch is left.
+    """
+    whole, factor = PaperConfig(), share / merge
+
+    def epochs(count: int) -> int:
+        return max(1, round(factor * count))
+
+    if not 0 < share <= 1 or factor * whole.epochs < 1:
+        raise BusybotError(f"{share:g} of the schedule, {merge} epochs in one: no epoch is left", "--share up to 1")
+    phases = ("epochs", "random_epochs", "all_directions_epochs", "joint_epochs")
+    learning: dict[str, Any] = {
+        kind: {
+            "iterations": merge * whole.learn(kind).iterations,
+            "rate_epochs": epochs(whole.learn(kind).rate_epochs),
+            "epsilon_epochs": epochs(whole.learn(kind).epsilon_epochs),
+        }
+        for kind in KINDS
+    }
+    rare = {"checkpoint": max(one["iterations"] for one in learning.values())}  # an epoch's end is one anyway
+    return {
+        "boards": merge * whole.boards,
+        **{name: epochs(getattr(whole, name)) for name in phases},
+        **learning,
+        **rare,
+    }
 
 
 def networks(work: Path) -> Path:
@@ -117,7 +157,9 @@ def main(words: list[str]) -> None:
     options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--minutes", type=float, default=20.0, help="of this call")
-    options.add_argument("--config", type=Path, help="YAML file with parameters")
+    options.add_argument("--share", type=float, default=1.0, help="of the schedule")
+    options.add_argument("--merge", type=int, default=1, help="epochs that become one")
+    options.add_argument("--config", type=Path, help="YAML file with parameters, in place of these two")
     options.add_argument("--workers", type=int, help="processes that collect; as many as cores by default")
     options.add_argument("--file-mb", type=float, default=15.0, help="of a file of weights")
     options.add_argument("--half", action="store_true", help="round matrices to float16")
@@ -125,7 +167,10 @@ def main(words: list[str]) -> None:
     arguments = options.parse_args(words)
     choose(arguments.device)
     given = ("--assets", arguments.assets, "--seed", str(arguments.seed), "--device", arguments.device)
-    more = (*runner.option("--config", arguments.config), *runner.option("--workers", arguments.workers))
+    config = arguments.config or arguments.work.with_name(f"{arguments.work.name}.yaml")
+    if arguments.config is None:
+        write_atomically(config, yaml.safe_dump(scaled(arguments.share, arguments.merge)).encode())
+    more = ("--config", str(config), *runner.option("--workers", arguments.workers))
     if not arguments.work.exists():  # what another training there had is not this one's
         arguments.work.with_name(f"{arguments.work.name}.seconds.json").unlink(missing_ok=True)
     began = time.monotonic()

@@ -166,11 +166,11 @@ def keeping_workers() -> Iterator[None]:
 
 
 def _kept_for(make_work: MakeWork, arguments: tuple[Any, ...], workers: int) -> list[_Worker]:
-    """The workers that wait, with their new work; those that are of another number of workers end."""
+    """The workers that wait, with their new work; those end that are too many, or that share a GPU with too few."""
     pool: list[_Worker] = []
     while _kept:
         worker = _kept.pop()
-        if worker.of == workers and worker.process.is_alive():
+        if worker.number < workers <= worker.of and worker.process.is_alive():
             _send_work(worker, make_work, arguments)
             pool.append(worker)
         else:

@@ -47,7 +47,6 @@ KINDS = {
     "table1": "python -m benchmarks.tables.table1",
     "table2": "python -m benchmarks.tables.table2",
     "table3": "python -m benchmarks.tables.table3",
-    "gpu-rehearsal": "python -m benchmarks.gpu.rehearse",
     "whole-pipeline": "python -m benchmarks.tables.whole_pipeline",
     "worlds": "python -m benchmarks.tables.worlds",
     "kitchens": "python -m benchmarks.tables.kitchens",

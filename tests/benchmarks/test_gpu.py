@@ -25,6 +25,8 @@ from benchmarks.tables.table2 import Table2Row
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.interact.affordance.load import load_model
+from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.training.config import PaperConfig
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.training.checkpoint import load_tensors
 from tests.conftest import ROOT
@@ -242,6 +244,27 @@ interaction: {delta: 30}
 
 def normalised(package: str) -> str:
     return package.lower().replace("_", "-")
+
+
+def test_a_share_of_the_schedule_in_larger_epochs_has_that_share_of_everything() -> None:
+    whole = PaperConfig()
+    assert PaperConfig.model_validate(interact.scaled(1, 1) | {"checkpoint": whole.checkpoint}) == whole
+    half = PaperConfig.model_validate(interact.scaled(0.5, 4))
+    assert (half.epochs, half.boards) == (whole.epochs // 8, 4 * whole.boards)
+    for kind in KINDS:
+        assert _iterations(half, kind) / _iterations(whole, kind) == pytest.approx(0.5, abs=0.05)
+        assert 4 * _random_epochs(half, kind) / _random_epochs(whole, kind) == pytest.approx(0.5, abs=0.05)
+    for share in (0, 1.5, 0.001):
+        with pytest.raises(BusybotError, match="no epoch is left"):
+            interact.scaled(share, 4)
+
+
+def _iterations(config: PaperConfig, kind: Kind) -> int:
+    return config.learn(kind).iterations * sum(kind in config.trained(epoch) for epoch in range(config.epochs))
+
+
+def _random_epochs(config: PaperConfig, kind: Kind) -> float:
+    return sum(config.epsilon(kind, epoch) for epoch in range(config.epochs))
 
 
 @pytest.mark.long

@@ -129,9 +129,11 @@ def test_kept_workers_do_what_comes_next_and_end_with_the_block() -> None:
         again = dict(run_tasks(range(4), squares, (5,), 2))
         assert {value for value, _ in again.values()} == {5, 6, 9, 14}
         assert {pid for _, pid in again.values()} <= first
-        [(_, (_, alone))] = run_tasks([0], squares, (0,), 1)  # another number of workers, another share of the GPUs
-        assert alone not in first and not any(_runs(pid) for pid in first)
-    assert not _runs(alone)
+        [(_, (_, alone))] = run_tasks([0], squares, (0,), 1)
+        assert alone in first and [pid for pid in first if _runs(pid)] == [alone]
+        more = {pid for _, (_, pid) in run_tasks(range(9), squares, (0,), 3)}  # each has another share of the GPUs
+        assert more and not more & first and not _runs(alone)
+    assert not any(_runs(pid) for pid in more)
 
 
 def test_kept_workers_are_no_longer_at_what_was_given_up(tmp_path: Path) -> None:

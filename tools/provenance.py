@@ -1,7 +1,8 @@
 """Which committed results do not tell by what code they were made, or of what.
 
 New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
-machine; all its rows are of one commit; and it has hashes of the models, boards or recordings that it is about, unless
+machine; all its rows are of one commit, and if they were trained by another one, on another machine, all by the same;
+and it has hashes of the models, boards or recordings that it is about, unless
 its kind is about none. `KNOWN` lists the others; it may only become shorter.
 """
 
@@ -49,6 +50,7 @@ ABOUT_NOTHING = (
     "waiting",
 )
 """Kinds that measure commands alone, or what is drawn at random."""
+TRAINING = "training"
 DIGEST = re.compile(r'"[0-9a-f]{64}"')
 
 
@@ -88,10 +90,11 @@ def _fault(told: dict[str, Any]) -> str | None:
     if any(str(one).endswith("-dirty") for one in (commit, *(part["commit"] for part in made.values()))):
         return CHANGED
     rows = rows if isinstance(rows, dict) else {}
-    named = {name: {*_commits(row), *_made(made, name)} for name, row in rows.items()}
-    if any(named.values()) and not all(one and None not in one for one in named.values()):
+    trained = {commit for row in rows.values() for commit in _commits(row, within=TRAINING)}
+    named = {name: {*_commits(row, without=TRAINING), *_made(made, name)} for name, row in rows.items()}
+    if None in trained or (any(named.values()) and not all(one and None not in one for one in named.values())):
         return SOME_ROWS
-    if len(set().union(*named.values())) > 1:
+    if len(trained) > 1 or len(set().union(*named.values())) > 1:
         return SEVERAL
     return None if told["kind"] in ABOUT_NOTHING or DIGEST.search(json.dumps(told)) else NO_HASHES
 
@@ -101,14 +104,20 @@ def _made(made: dict[str, Any], row: str) -> set[str]:
     return {one["commit"] for place, one in made.items() if within(place, row)}
 
 
-def _commits(value: Any) -> Iterator[str | None]:
-    """All that stands under `commit` in a JSON value."""
-    if isinstance(value, dict):
-        for key, one in value.items():
-            if key == "commit":
-                yield one
-            else:
-                yield from _commits(one)
-    elif isinstance(value, list):
+def _commits(value: Any, within: str | None = None, without: str | None = None) -> Iterator[str | None]:
+    """All that stands under `commit` in a JSON value.
+
+    Args:
+        within: only below this key.
+        without: not below that key.
+    """
+    if isinstance(value, list):
         for one in value:
-            yield from _commits(one)
+            yield from _commits(one, within, without)
+    if not isinstance(value, dict):
+        return
+    for key, one in value.items():
+        if key == "commit" and within is None:
+            yield one
+        elif key != without:
+            yield from _commits(one, None if key == within else within, without)

@@ -363,6 +363,14 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
     made = {"first/train": {"commit": "a1"}}
     put(results, "grown", "table1", commit="a1", rows={"first/train": {}}, made=made, **data)
     assert "grown" not in provenance.part()
+    elsewhere = {"training": [{"training": {"commit": "a0"}}], "splits": [{"commit": "a1"}]}
+    put(results, "grown", "table1", commit="a1", rows={"first": elsewhere, "other": elsewhere}, **data)
+    assert "grown" not in provenance.part(), "trained by one commit, judged by another"
+    for commit, words in (("a2", "rows of several commits"), (None, "some rows name no commit")):
+        other = {**elsewhere, "training": [{"training": {"commit": commit}}]}
+        put(results, "grown", "table1", commit="a1", rows={"first": elsewhere, "other": other}, **data)
+        with pytest.raises(BusybotError, match=f"grown: {words}"):
+            provenance.part()
     (results / "grown.json").unlink()
     put(results, "old", "table1", commit="a2", **data)
     with pytest.raises(BusybotError, match="old: its making is known now"):

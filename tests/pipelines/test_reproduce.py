@@ -30,10 +30,10 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def begin(project: Path) -> subprocess.Popen[str]:
+def begin(project: Path, *words: str) -> subprocess.Popen[str]:
     environment = dict(os.environ, PYTHONPATH=str(project), PATH=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
     return subprocess.Popen(
-        [DVC, "repro"],
+        [DVC, "repro", *words],
         cwd=project,
         env=environment,
         text=True,
@@ -43,8 +43,8 @@ def begin(project: Path) -> subprocess.Popen[str]:
     )
 
 
-def repro(project: Path) -> str:
-    process = begin(project)
+def repro(project: Path, *words: str) -> str:
+    process = begin(project, *words)
     said, _ = process.communicate(timeout=3600)
     assert process.returncode == 0, said
     return said
@@ -122,12 +122,20 @@ def test_it_goes_on_after_a_kill_and_runs_nothing_twice(
     assert "Running stage" not in again and "up to date" in again
 
     values = project / "params.yaml"
-    values.write_text(values.read_text().replace("images: 23", "images: 20"))
-    changed = repro(project)
+    former = values.read_text()
+    values.write_text(former.replace("images: 23", "images: 20"))
+    changed = repro(project, "--dry")
     assert changed.count("Running stage 'relations@") == changed.count("Running stage 'baselines@") == 3
-    assert "Running stage 'summary'" in changed and "Running stage 'report'" in changed
     for untouched in ("interact", "judge@novel-config", "data@train", "features@train", "reason"):
         assert f"Running stage '{untouched}'" not in changed
+    one = "baselines@novel-config-count"
+    assert repro(project, one).count("Running stage") == 1
+    changed = repro(project, "--dry")
+    assert f"Running stage '{one}'" not in changed
+    assert "Running stage 'summary'" in changed and "Running stage 'report'" in changed
+    values.write_text(former)
+    assert "is cached" in repro(project, one), "what was made with the former values is kept"
+    assert "Running stage" not in repro(project, "--dry")
 
     others = tmp_path_factory.mktemp("others")
     walk(project, others / "clone", others / "remote")

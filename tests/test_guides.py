@@ -16,7 +16,7 @@ BEFORE = {
     "TRAIN": ("generate TRAIN", "collect TRAIN"),
 }
 """Makes what a guide has already."""
-BOARDS = 4
+BOARDS = 2
 LEFT_OUT = (
     r" DIR\b|/mnt/|frozen/",  # real objects, and a remote: tests/pipelines walks to that and back
     r"^train |bc=bc",  # minutes
@@ -36,6 +36,7 @@ def commands(guide: str) -> list[list[str]]:
 def _of_few(words: list[str]) -> list[str]:
     known = {"--boards": str(BOARDS), "--episode": "1"}
     words = [known.get(before, word) for before, word in zip(("", *words), words, strict=False)]
+    words = [re.sub(r"(?<=episodes/)\d{6}", f"{BOARDS - 1:06d}", word) for word in words]
     return words if words[0] != "generate" or "--boards" in words else [*words, "--boards", str(BOARDS)]
 
 

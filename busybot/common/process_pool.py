@@ -2,7 +2,7 @@
 
 Why not `concurrent.futures`: a simulator process must be replaced after some hundred boards, a task that hangs must be
 killed alone, and no worker may outlive its parent. Workers are spawned, never forked: no renderer survives a fork.
-What one work after the other is done by the same workers that wait in between, if it is done within `keeping_workers`.
+Within `keeping_workers` one work after the other is done by the same workers, which wait in between.
 
 Ray is for many machines that share a file system; on one, spawned processes are quicker to start and as fast. Without
 `RAY_ADDRESS` in the environment Ray is started here, on the loopback interface alone and without its dashboard, and
@@ -167,15 +167,15 @@ def keeping_workers() -> Iterator[None]:
 
 def _kept_for(make_work: MakeWork, arguments: tuple[Any, ...], workers: int) -> list[_Worker]:
     """The workers that wait, with their new work; those end that are too many, or that share a GPU with too few."""
-    pool: list[_Worker] = []
+    pool: dict[int, _Worker] = {}
     while _kept:
         worker = _kept.pop()
-        if worker.number < workers <= worker.of and worker.process.is_alive():
+        if worker.number < workers <= worker.of and worker.number not in pool and worker.process.is_alive():
             _send_work(worker, make_work, arguments)
-            pool.append(worker)
+            pool[worker.number] = worker
         else:
             _end(worker)
-    return pool
+    return list(pool.values())
 
 
 def run_on_ray(

@@ -11,6 +11,9 @@ checkpoint and ends in the weights of one that was not stopped. `--minutes` are 
 interruptions: to go on when they are spent, ask for more. A checkpoint has three numbers for each weight, 220 MB, so it
 is not meant to travel.
 
+`--inexact` takes algorithms on a GPU that do not repeat exactly: what is gathered for edges is added up in any order,
+not sorted first.
+
 `--out` gets what travels: weights in files of at most `--file-mb`, losses, and what is to be known of the run. With
 `--half` matrices are rounded to float16, 37 MB in all, and lose nothing that a network multiplied in bfloat16 has used.
 
@@ -42,6 +45,8 @@ def train(arguments: argparse.Namespace) -> RunInfo:
     config = config_of(info, arguments.row, arguments.pack)
     begin_folder(arguments.work, config, arguments.seed, pack=pack)
     learner = PaperLearner(config, boards, [], arguments.seed, resident=True)
+    if arguments.inexact:
+        torch.use_deterministic_algorithms(False)
     budget = learner.budget = Budget(arguments.minutes)
     # no board is held out, so that judgements are checkpoints and nothing else
     figures = fit(learner, arguments.work, config.loop.model_copy(update={"judge": arguments.checkpoint}))
@@ -79,6 +84,7 @@ def used() -> dict[str, Any]:
         **where(),
         "gpu_peak_bytes": torch.cuda.max_memory_allocated(on),
         "gpu_multiplies": "bfloat16" if multiplies_bfloat16() else "float32",
+        "gpu_repeats_exactly": torch.are_deterministic_algorithms_enabled(),
     }
 
 
@@ -93,6 +99,7 @@ def main() -> None:
     options.add_argument("--checkpoint", type=int, default=1000, help="iterations between checkpoints")
     options.add_argument("--file-mb", type=float, default=15.0, help="of a file of weights")
     options.add_argument("--half", action="store_true", help="round matrices to float16")
+    options.add_argument("--inexact", action="store_true", help="do not ask a GPU to repeat exactly")
     options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     arguments = options.parse_args()
     choose(arguments.device)

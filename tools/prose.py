@@ -12,9 +12,9 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, Table
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import binomial_interval
-from busybot.view.report.page import markdown, number, plain_grid, reference
+from busybot.view.report.page import markdown, plain_grid
 from busybot.view.report.results import RowFound, Score, rows_of
-from tools.tables import RESULTS, percent, result
+from tools.tables import RESULTS, cell, percent, result, the_papers
 
 SPLITS = ("train", "novel-config", "novel-object")
 
@@ -176,10 +176,8 @@ def claim(name: str) -> str:
     for what, is_so in _said(name, cells, found):
         holds(what, is_so)
     words = {row.name: row.words for row in one.table.rows}
-    lines = [(words[row], [_cell(cells[row, *place]) for place in product(NOVEL, one.keys)]) for row in one.rows]
-    for row in one.paper:
-        percents = [one.table.at(one.table.paper[row], *place) for place in product(NOVEL, one.keys)]
-        lines.append((f"*the paper:* {row}", ["" if told is None else reference(told) for told in percents]))
+    lines = [(words[row], [cell(cells[row, *place]) for place in product(NOVEL, one.keys)]) for row in one.rows]
+    lines += [the_papers(one.table, row, product(NOVEL, one.keys)) for row in one.paper]
     heads = [f"{words}: {one.table.keys[key]}" for words, key in product(NOVEL.values(), one.keys)]
     more = {"image-reward": _rewards_of_a_real_camera, "planning": _plans}
     table = markdown([plain_grid(heads, lines, "percent")])
@@ -191,10 +189,6 @@ def _known(row: RowFound, place: tuple[str, str]) -> Score:
     if told is None:
         raise BusybotError(f"a row has no {' '.join(place)}", "claims are judged by rows that were run")
     return told
-
-
-def _cell(told: Score) -> str:
-    return " ".join(filter(None, (number(told.value), told.spread)))
 
 
 def _above(one: Score, other: Score) -> bool:
@@ -269,7 +263,7 @@ def _plans_of_the_papers_network() -> str:
     found = rows_of(PLANNING.number, told["agents"])
     words = {row.name: row.words for row in PLANNING.rows}
     places = [*product(NOVEL, GOALS)]
-    lines = [(words[row], [_cell(_known(one, place)) for place in places]) for row, one in found.items()]
+    lines = [(words[row], [cell(_known(one, place)) for place in places]) for row, one in found.items()]
     heads = [f"{objects}: {PLANNING.keys[key]}" for objects, key in product(NOVEL.values(), GOALS)]
     compared = [told["compared"][", ".join(place)] for place in places]
     nothing = all(one["predictive"]["differing"] == 0 for one in compared)
@@ -311,7 +305,7 @@ def _rewards_of_a_real_camera() -> str:
         over_objects = (cells[row, "novel-config", key].objects for row in ("real-camera-oracle", "real-camera"))
         (low, _), (_, high) = (ends or (0, 0) for ends in over_objects)
         holds(f"the true reward is ahead over objects of new configurations, {key}", low > high)
-    lines = [(words, [_cell(cells[row, *place]) for place in product(NOVEL, TRIES)]) for row, words in REWARDS.items()]
+    lines = [(words, [cell(cells[row, *place]) for place in product(NOVEL, TRIES)]) for row, words in REWARDS.items()]
     heads = [f"{words}: {INTERACTION.keys[key]}" for words, key in product(NOVEL.values(), TRIES)]
     return markdown([plain_grid(heads, lines, "percent, judged before a real camera")]) + "\n" + _wrong_rewards()
 

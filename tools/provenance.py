@@ -2,8 +2,8 @@
 
 New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
 machine; all its rows are of one commit, and if they were trained by another one, on another machine, all by the same;
-and it has hashes of the models, boards or recordings that it is about, unless
-its kind is about none. `KNOWN` lists the others; it may only become shorter.
+and it has hashes of the models, boards or recordings that it is about, unless its kind is about none. `KNOWN` lists the
+others; it may only become shorter.
 """
 
 import json
@@ -90,8 +90,12 @@ def _fault(told: dict[str, Any]) -> str | None:
     if any(str(one).endswith("-dirty") for one in (commit, *(part["commit"] for part in made.values()))):
         return CHANGED
     rows = rows if isinstance(rows, dict) else {}
-    trained = {commit for row in rows.values() for commit in _commits(row, within=TRAINING)}
-    named = {name: {*_commits(row, without=TRAINING), *_made(made, name)} for name, row in rows.items()}
+    told_of = {name: list(_commits(row)) for name, row in rows.items()}
+    trained = {commit for found in told_of.values() for commit, training in found if training}
+    named = {
+        name: {commit for commit, training in found if not training} | _made(made, name)
+        for name, found in told_of.items()
+    }
     if None in trained or (any(named.values()) and not all(one and None not in one for one in named.values())):
         return SOME_ROWS
     if len(trained) > 1 or len(set().union(*named.values())) > 1:
@@ -104,20 +108,14 @@ def _made(made: dict[str, Any], row: str) -> set[str]:
     return {one["commit"] for place, one in made.items() if within(place, row)}
 
 
-def _commits(value: Any, within: str | None = None, without: str | None = None) -> Iterator[str | None]:
-    """All that stands under `commit` in a JSON value.
-
-    Args:
-        within: only below this key.
-        without: not below that key.
-    """
-    if isinstance(value, list):
+def _commits(value: Any, training: bool = False) -> Iterator[tuple[str | None, bool]]:
+    """All that stands under `commit` in a JSON value, and whether that is said of a training."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            if key == "commit":
+                yield one, training
+            else:
+                yield from _commits(one, training or key == TRAINING)
+    elif isinstance(value, list):
         for one in value:
-            yield from _commits(one, within, without)
-    if not isinstance(value, dict):
-        return
-    for key, one in value.items():
-        if key == "commit" and within is None:
-            yield one
-        elif key != without:
-            yield from _commits(one, None if key == within else within, without)
+            yield from _commits(one, training)

@@ -35,6 +35,17 @@ def percent(share: float | None) -> str:
     return "-" if share is None else number(100 * share)
 
 
+def cell(told: Score | None) -> str:
+    """Percent with its intervals."""
+    return "-" if told is None else " ".join(filter(None, (number(told.value), told.spread)))
+
+
+def the_papers(table: Table, row: str, places: Iterable[tuple[str, str]]) -> tuple[str, list[str]]:
+    """A line with what the paper has, of so many splits and columns."""
+    percents = [table.at(table.paper[row], *place) for place in places]
+    return f"*the paper:* {row}", ["" if told is None else reference(told) for told in percents]
+
+
 @dataclass(frozen=True)
 class Line:
     """A line of the overview: which of our rows, and which of their numbers."""
@@ -143,20 +154,13 @@ def table2_gpu() -> str:
     places = [*product(REASONING.splits, ("edge_p", "edge_r", "pred_a"))]
     lines, took = [], []
     for name, row in rows_of(REASONING.number, told).items():
-        cells = [row.cells[place] for place in places]
-        lines.append((words[name], ["-" if one is None else f"{number(one.value)} {one.spread}" for one in cells]))
+        lines.append((words[name], [cell(row.cells[place]) for place in places]))
         took.append(Text(_on_a_gpu(words[name], told[name]["training"][0]["training"])))
     for name, row in told.items():
         of = {split: one["seeds"][0] for split, one in row["splits"].items()}
         still = [percent(of[split]["persistence"].get(key)) for split, key in places]
         lines.append((f"{words['persistence']}, on the boards of {words[name]}", still))
-    lines += [
-        (
-            f"*the paper:* {of}",
-            ["" if (one := REASONING.at(REASONING.paper[of], *at)) is None else reference(one) for at in places],
-        )
-        for of in ("without exploration", "BusyBot")
-    ]
+    lines += [the_papers(REASONING, name, places) for name in ("without exploration", "BusyBot")]
     heads = [f"{REASONING.splits[split]}: {REASONING.keys[key]}" for split, key in places]
     return markdown([plain_grid(heads, lines, "percent"), *took])
 

@@ -68,13 +68,13 @@ def scaled(share: float, merge: int) -> dict[str, Any]:
     Raises:
         BusybotError: no epoch is left.
     """
-    whole, factor = PaperConfig(), share / merge
+    whole = PaperConfig()
+    if not 0 < share <= 1 or not 1 <= merge <= share * whole.epochs:
+        raise BusybotError(f"{share:g} of the schedule, {merge} epochs in one: no epoch is left", "--share up to 1")
 
     def epochs(count: int) -> int:
-        return max(1, round(factor * count))
+        return max(1, round(share / merge * count))
 
-    if not 0 < share <= 1 or factor * whole.epochs < 1:
-        raise BusybotError(f"{share:g} of the schedule, {merge} epochs in one: no epoch is left", "--share up to 1")
     phases = ("epochs", "random_epochs", "all_directions_epochs", "joint_epochs")
     learning: dict[str, Any] = {
         kind: {
@@ -84,12 +84,11 @@ def scaled(share: float, merge: int) -> dict[str, Any]:
         }
         for kind in KINDS
     }
-    rare = {"checkpoint": max(one["iterations"] for one in learning.values())}  # an epoch's end is one anyway
     return {
         "boards": merge * whole.boards,
+        "checkpoint": max(one["iterations"] for one in learning.values()),  # an epoch's end is one anyway
         **{name: epochs(getattr(whole, name)) for name in phases},
         **learning,
-        **rare,
     }
 
 

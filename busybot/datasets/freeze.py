@@ -8,7 +8,6 @@ or frozen and perhaps not yet read-only. Freezing it again continues.
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import pyarrow as pa
@@ -30,6 +29,7 @@ from busybot.common.atomic_io import (
     write_json,
 )
 from busybot.common.errors import BusybotError
+from busybot.common.installed import installed_version
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.common.text import markdown_code, markdown_text
 from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
@@ -251,7 +251,7 @@ def _write_manifest(dataset: Dataset, assets: Assets, workers: int) -> Manifest:
         partial=table.filter(pc.is_in(table["settings"], pa.array(saved, pa.string())))["episode"].to_pylist(),
         boards_again=assets.boards_again,
         assets=assets.entries,
-        frozen_with={"busybot": __version__, **{name: version(name) for name in FREEZING_PACKAGES}},
+        frozen_with={"busybot": __version__, **{name: installed_version(name) for name in FREEZING_PACKAGES}},
         files={},
     )
     _write_card(path, card(manifest))

@@ -7,9 +7,7 @@ The real camera (`scene.real_camera`) looks after every action.
 
 import hashlib
 import platform
-from contextlib import suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.boards.dynamics import HINT_OBJECTS
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
+from busybot.common.installed import installed_version
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED, Camera, Episode, Image, Observation
@@ -38,8 +37,6 @@ from busybot.sim.scene.real_camera import GOAL_FRAME, REACH, true_depth
 from busybot.sim.vulkan_check import driver_of
 
 RECORDED_PACKAGES = ("sapien", "numpy", "opencv-python")
-ALIASES = {"opencv-python": ("opencv-python-headless", "opencv-contrib-python", "opencv-contrib-python-headless")}
-"""Other packages that are the same library: machines without a screen often have one of these."""
 
 
 def grasp_at(scene: BoardScene, image: Image, rays: Rays, pixel: tuple[int, int]) -> Grasp:
@@ -182,7 +179,7 @@ def renderer_fingerprint(scene: BoardScene) -> dict[str, Any]:
     return {
         "device": device.name,
         "driver": driver_of(device.name),
-        "sapien": version("sapien"),
+        "sapien": installed_version("sapien"),
         "shader": config.shader,
         "shader_sha256": _shader_hash() if config.shader == "busybot" else "",
         "config": config.model_dump(mode="json"),
@@ -199,17 +196,5 @@ def _shader_hash() -> str:
 @cache
 def recorded_versions() -> dict[str, str]:
     """Versions of what decided the recording."""
-    packages = {name: _version(name) for name in RECORDED_PACKAGES}
+    packages = {name: installed_version(name) for name in RECORDED_PACKAGES}
     return {"busybot": __version__, "python": platform.python_version(), **packages}
-
-
-def _version(name: str) -> str:
-    """Of a package, or of the first of its aliases that is installed.
-
-    Raises:
-        BusybotError: neither is.
-    """
-    for one in (name, *ALIASES.get(name, ())):
-        with suppress(PackageNotFoundError):
-            return version(one)
-    raise BusybotError(f"the package {name} is not installed", "busybot doctor")

@@ -254,9 +254,9 @@ def test_a_share_of_the_schedule_in_larger_epochs_has_that_share_of_everything()
     for kind in KINDS:
         assert _iterations(half, kind) / _iterations(whole, kind) == pytest.approx(0.5, abs=0.05)
         assert 4 * _random_epochs(half, kind) / _random_epochs(whole, kind) == pytest.approx(0.5, abs=0.05)
-    for share in (0, 1.5, 0.001):
+    for share, merge in ((0, 4), (1.5, 4), (0.001, 4), (1, 0), (1, -4), (1, 401)):
         with pytest.raises(BusybotError, match="no epoch is left"):
-            interact.scaled(share, 4)
+            interact.scaled(share, merge)
 
 
 def _iterations(config: PaperConfig, kind: Kind) -> int:

@@ -9,7 +9,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import psutil
@@ -25,7 +24,6 @@ from busybot.episodes.digests import Digests
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.sim import recorder
 from busybot.sim.collect import CollectConfig, collect
 from busybot.sim.scene.render import RenderConfig
 
@@ -124,18 +122,3 @@ def test_killed_at_random_moments_and_continued(tmp_path: Path) -> None:
     assert verify(dataset.path).ok
     assert dataset.hashes() == undisturbed.hashes()
     assert not [path for path in dataset.path.rglob("*") if path.name.endswith(".tmp")]
-
-
-def test_opencv_may_have_another_packages_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    known = {"sapien": "3", "numpy": "2", "opencv-python-headless": "5.1"}
-
-    def version(name: str) -> str:
-        if name not in known:
-            raise PackageNotFoundError(name)
-        return known[name]
-
-    monkeypatch.setattr(recorder, "version", version)
-    assert recorder.recorded_versions.__wrapped__()["opencv-python"] == "5.1"
-    known.clear()
-    with pytest.raises(BusybotError, match="sapien is not installed"):
-        recorder.recorded_versions.__wrapped__()

@@ -102,7 +102,7 @@ def cut_batch(samples: Samples, chosen: np.ndarray, side: int, offsets: np.ndarr
 def _cut_depth(samples: Samples, chosen: np.ndarray, side: int, moved: np.ndarray) -> Tensor:
     """Features from depth, (B, 4, side, side); each needs a margin of one pixel."""
     around = np.arange(-1, side + 1) - side // 2
-    depth = torch.from_numpy(samples.depths(chosen, _crops(samples, chosen, side + 2, moved)))
+    depth = samples.depths(chosen, _crops(samples, chosen, side + 2, moved))
     rows = samples.pixels[chosen, 1, None] + moved[:, :1] + around
     columns = samples.pixels[chosen, 0, None] + moved[:, 1:] + around
     camera = samples.camera

@@ -140,19 +140,7 @@ def recorded_pictures(samples: Samples, chosen: np.ndarray, on: torch.device) ->
     stored = np.stack([samples.picture(index) for index in chosen])
     if samples.inputs == "rgb":
         return colour_features(stored).to(on)
-    return depth_and_normals(stored_depths(stored, samples.scale[chosen], on), Pinhole(samples.camera))
-
-
-def stored_depths(stored: np.ndarray, scale: np.ndarray, on: torch.device) -> Tensor:
-    """As `Samples.depths`, computed on the device, to which half as many bytes travel.
-
-    Shapes:
-        stored: uint16 (B, H, W); scale: float32 (B, 2).
-        returns: float32 (B, H, W).
-    """
-    codes = torch.from_numpy(stored.view(np.int16)).to(on).int() & 0xFFFF  # PyTorch hardly computes with uint16
-    offset, step = torch.from_numpy(scale).to(on).T[:, :, None, None]
-    return torch.where(codes > 0, offset + codes * step, 0.0)
+    return depth_and_normals(samples.depths(chosen, stored, on), Pinhole(samples.camera))
 
 
 def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray) -> Tensor:

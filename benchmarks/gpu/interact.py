@@ -70,7 +70,9 @@ def scaled(share: float, merge: int) -> dict[str, Any]:
     """
     whole = PaperConfig()
     if not 0 < share <= 1 or not 1 <= merge <= share * whole.epochs:
-        raise BusybotError(f"{share:g} of the schedule, {merge} epochs in one: no epoch is left", "--share up to 1")
+        raise BusybotError(
+            f"{share:g} of the schedule, {merge} epochs in one: no epoch is left", "--share to 1, --merge from 1 on"
+        )
 
     def epochs(count: int) -> int:
         return max(1, round(share / merge * count))

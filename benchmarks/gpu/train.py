@@ -21,6 +21,7 @@ Nothing but torch, torch-geometric, numpy, pydantic and safetensors is imported.
 """
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ import torch
 
 from benchmarks.gpu.formats import RunInfo, config_of, read_pack, read_pack_info, write_run
 from busybot.common.device import choose
+from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
 from busybot.evaluation.results import commit
 from busybot.reason.models.paper.learner import PaperLearner
@@ -109,4 +111,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except BusybotError as error:
+        sys.exit(f"error: {error}")

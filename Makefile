@@ -6,6 +6,10 @@ WORKERS ?= auto
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 4 --dist worksteal
 PROFILE ?= smoke
 
+# Packages are compiled when they are first imported. Where Python may not keep that (images for containers often forbid
+# it), each of the thousand processes of the tests would compile PyTorch anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help setup demo test test-all lint reproduce dvc site extras lock check-resolve check-exports check-lerobot \
 	check-loader check-install clean
 

@@ -110,7 +110,7 @@ CURVES = {
 }
 """The long one is the last."""
 QUICK = {
-    "30 actions": Curve("boards", [Point(n, 2, SMALL, "scripted") for n in (1, 3)]),
+    "30 actions": Curve("boards", [Point(n, 1, SMALL) for n in (1, 4)]),
     "workers": Curve("workers", [Point(2, 1, SMALL, workers=2)], MADE),
     "objects": Curve("objects", [Point(1, 1, SMALL, objects=12)], MADE),
     "pixels": Curve("pixels", [Point(1, 1, (128, 96))], MADE),

@@ -5,7 +5,8 @@
 Every command resumes, so this one does: run it again with the same FOLDER after any interruption. A row appears in the
 result as soon as both novel splits are judged. All rows propose ten actions on each of the same boards; every trained
 row had the same number of boards, actions and iterations. Boards have an appearance each (`--group-size 1`). Time and
-memory of a training are noted if nothing interrupted it.
+memory of a training are noted if nothing interrupted it. Rows are compared with the one whose model they judge
+otherwise, or with `free-0`, board by board, if that was judged before (`compared`).
 """
 
 import argparse
@@ -16,7 +17,10 @@ from typing import Any
 from benchmarks import runner
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
-from busybot.evaluation.results import commit
+from busybot.common.rng import generator
+from busybot.evaluation.folder import RESULT
+from busybot.evaluation.results import commit, read_result
+from busybot.evaluation.statistics import compare_boards
 from busybot.sim.scene.real_camera import REAL
 
 SPLITS = ("novel-config", "novel-object")
@@ -37,12 +41,14 @@ class Table1Row:
         seed: of the training.
         judge: options of `busybot eval interact`.
         model: a built-in policy, or the row whose model is judged.
+        against: the row that it is compared with.
     """
 
     train: tuple[str, ...] | None = ()
     seed: int = 0
     judge: tuple[str, ...] = ()
     model: str | None = None
+    against: str = "free-0"
 
 
 def _delta(pixels: int) -> Table1Row:
@@ -65,13 +71,13 @@ ROWS = {
     "free-0-delta-1000": Table1Row(None, judge=runner.settings("interaction.delta=1000"), model="free-0"),
     **{f"without-responders-{pixels}": _delta(pixels) for pixels in (100, 500, 1000)},
     "paper": Table1Row(PAPER),
-    "paper-greedy": Table1Row(None, judge=("--mode", "greedy"), model="paper"),
-    "paper-oracle": Table1Row((*PAPER, *JOINTS), judge=JOINTS),
-    "paper-rgb": Table1Row((*PAPER, *runner.settings("inputs=rgb"))),
-    "paper-without-responders": Table1Row((*PAPER, *WITHOUT), judge=WITHOUT),
+    "paper-greedy": Table1Row(None, judge=("--mode", "greedy"), model="paper", against="paper"),
+    "paper-oracle": Table1Row((*PAPER, *JOINTS), judge=JOINTS, against="paper"),
+    "paper-rgb": Table1Row((*PAPER, *runner.settings("inputs=rgb")), against="paper"),
+    "paper-without-responders": Table1Row((*PAPER, *WITHOUT), judge=WITHOUT, against="paper"),
     "real-camera": Table1Row(REAL_CAMERA, judge=REAL_CAMERA),
-    "real-camera-oracle": Table1Row((*JOINTS, *REAL_CAMERA), judge=(*JOINTS, *REAL_CAMERA)),
-    "real-camera-clean": Table1Row(None, judge=REAL_CAMERA, model="free-0"),
+    "real-camera-oracle": Table1Row((*JOINTS, *REAL_CAMERA), judge=(*JOINTS, *REAL_CAMERA), against="real-camera"),
+    "real-camera-clean": Table1Row(None, judge=REAL_CAMERA, model="free-0", against="real-camera"),
 }
 OTHER_CAMERA = ("real-camera", "real-camera-oracle", "real-camera-clean")
 """No rows of Table 1: whether the reward of pictures is as good as the true one, where it can be wrong."""
@@ -102,15 +108,31 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     judged, policy = {}, {}
     for split in SPLITS:
         folder = work / f"judge-{arguments.judge_seed}-{split}"
-        out = work / f"judged-{arguments.judge_seed}-{name}-{split}"
+        out = _judged(arguments, name, split)
         commands.append(runner.generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
         runner.busybot(*commands[-1])
         commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
         result = runner.busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "commit", "dataset", "versions")}
+        judged[split]["compared"] = _compared(arguments, name, split, result)
         policy = judged_policy(result["provenance"])
     typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
+
+
+def _judged(arguments: argparse.Namespace, name: str, split: str) -> Path:
+    """Folder of an evaluation."""
+    return Path(arguments.work / f"judged-{arguments.judge_seed}-{name}-{split}")
+
+
+def _compared(arguments: argparse.Namespace, name: str, split: str, result: dict[str, Any]) -> dict[str, Any] | None:
+    """A row against another one on the same boards (`compare_boards`); None if that was not judged here."""
+    against = ROWS[name].against
+    known = _judged(arguments, against, split) / RESULT
+    if against == name or not known.exists():
+        return None
+    rng = generator(arguments.judge_seed, split, 0, f"table1/{name}")
+    return {"against": against, **compare_boards(read_result(known, "interact")["by_board"], result["by_board"], rng)}
 
 
 def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:

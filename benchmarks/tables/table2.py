@@ -22,7 +22,8 @@ and `novel-object` (to judge on). The rows "without exploration" need the same b
 reads the recordings.
 
 Every command resumes, so this one does: run it again with the same `--work` after any interruption. A row appears in
-the result as soon as it is judged. Trained rows have three seeds each; their mean and extremes stand beside.
+the result as soon as it is judged. The default model has three trainings; their mean and extremes stand beside. The
+first training of a row is compared with that of another one, board by board, if that was judged before (`compared`).
 """
 
 import argparse
@@ -34,7 +35,9 @@ from typing import Any
 from benchmarks import runner
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
+from busybot.common.rng import generator
 from busybot.evaluation.reference_tables import NOVEL
+from busybot.evaluation.statistics import compare_boards
 from busybot.reason.models.registry import DEFAULT_REASONER
 
 SPLITS = ("validation", "novel-config", "novel-object")
@@ -98,6 +101,7 @@ class Table2Row:
         judged: folder of `--data` that has this folder with what it is judged on; `few` is a smaller recording of the
             same boards.
         seeds: so many trainings; ours has three, what stands beside it one.
+        against: the row that it is compared with.
     """
 
     model: str | None = None
@@ -106,6 +110,7 @@ class Table2Row:
     data: str = ""
     judged: str = ""
     seeds: int = 1
+    against: str = "event"
 
 
 EVENT, PAPER = ("--variant", "event"), ("--variant", "paper", "--encoder", "resnet50keras")
@@ -133,10 +138,12 @@ ROWS = {
     "paper": Table2Row(train=PAPER, judge=SLOW, judged="few"),
     "paper-short": Table2Row(train=(*PAPER, *runner.settings(*SHORT)), judge=SLOW, judged="few"),
     "paper-short-without-inference": Table2Row(
-        train=(*PAPER, *runner.settings(*SHORT, "inference=false")), judge=SLOW, judged="few"
+        train=(*PAPER, *runner.settings(*SHORT, "inference=false")), judge=SLOW, judged="few", against="paper-short"
     ),
-    "paper-without-inference": Table2Row(train=(*PAPER, *runner.settings("inference=false")), judge=SLOW, judged="few"),
-    "paper-without-exploration": Table2Row(train=PAPER, judge=SLOW, data="random", judged="few"),
+    "paper-without-inference": Table2Row(
+        train=(*PAPER, *runner.settings("inference=false")), judge=SLOW, judged="few", against="paper"
+    ),
+    "paper-without-exploration": Table2Row(train=PAPER, judge=SLOW, data="random", judged="few", against="paper"),
 }
 """By name. `pc` conditions on other variables, `pc-pairs` tests each pair by itself."""
 WHOLE_SCHEDULE = ("paper", "paper-without-inference", "paper-without-exploration")
@@ -150,6 +157,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     trained: list[dict[str, Any]] = []
     commands: list[tuple[str, ...]] = []
     judged: dict[str, list[dict[str, Any]]] = {}
+    compared: dict[str, dict[str, Any] | None] = {}
     decoders = data / "train" if row.model not in ("count", "pc") else None
     judging = (*row.judge, *runner.option("--decoders", decoders), *runner.option("--assets", arguments.assets))
     for seed in range(row.seeds):
@@ -163,26 +171,46 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         for split in SPLITS:
             if (dataset := arguments.data / row.judged / row.data / split).is_dir():
                 commands.append(("eval", "reason", str(dataset), "--reasoner", model, *judging))
-                judged.setdefault(split, []).append(
-                    answered(commands[-1], arguments.work / f"{name}-{seed}-{split}.json")
-                )
+                answer = answered(commands[-1], _judged(arguments, name, seed, split))
+                judged.setdefault(split, []).append(answer["result"])
+                compared.setdefault(split, _compared(arguments, name, split, answer))
     return {
         "commands": [runner.as_typed(command, places) for command in commands],
         "training": trained,
-        "splits": {split: {**across(results), "seeds": results} for split, results in judged.items()},
+        "splits": {
+            split: {**across(results), "seeds": results, "compared": compared[split]}
+            for split, results in judged.items()
+        },
     }
 
 
+def _judged(arguments: argparse.Namespace, name: str, seed: int, split: str) -> Path:
+    """File of a judgement."""
+    return Path(arguments.work / f"{name}-{seed}-{split}.json")
+
+
+def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict[str, Any]) -> dict[str, Any] | None:
+    """A row's first training against that of another one, on the boards that both were judged on (`compare_boards`),
+    of which recordings begin with the same; None if that was not judged here."""
+    against = ROWS[name].against
+    known = _judged(arguments, against, 0, split)
+    if against == name or not known.exists():
+        return None
+    rng = generator(JUDGED[split].seed, split, 0, f"table2/{name}")
+    return {"against": against, **compare_boards(json.loads(known.read_text())["by_board"], answer["by_board"], rng)}
+
+
 def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
-    """A judgement, or the one that an earlier run wrote by the same command."""
+    """A judgement, or the one that an earlier run wrote by the same command: `result`, and its counts `by_board`."""
     if out.exists():
         known = json.loads(out.read_text())
         if known["typed"] == list(command):
-            return dict(known["result"])
+            return dict(known)
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
-    write_json(out, {"typed": command, "result": result})
-    return result
+    answer = {"typed": command, "result": result, "by_board": told["by_board"]}
+    write_json(out, answer)
+    return answer
 
 
 def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:

@@ -8,8 +8,9 @@ Hinkley, Bootstrap Methods and their Application, 1997, section 3.8), and so say
 Imports neither torch nor sapien, and of SciPy nothing that is slow to load.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.special import betainc, betaincinv
@@ -142,6 +143,62 @@ def sign_flip_test(differences: np.ndarray, rng: np.random.Generator) -> float |
         return float((np.abs(signs @ told) >= seen).mean())
     signs = rng.choice((-1, 1), size=(FLIPS, len(told)))
     return float((1 + (np.abs(signs @ told) >= seen).sum()) / (1 + FLIPS))
+
+
+def swap_test(first: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> float | None:
+    """How probable a difference of pooled shares at least as large is, either way, if two methods are equally good;
+    None where one of them has no share.
+
+    A permutation test as `sign_flip_test`, of shares that boards have together: were they equally good, what each of
+    them did on a board might as well be the other's. A draw that leaves one without a whole counts against them.
+
+    Args:
+        first, other: int (B, 2), part and whole on the same boards.
+    """
+    first, other = np.asarray(first, float).reshape(-1, 2), np.asarray(other, float).reshape(-1, 2)
+    both, more = first.sum(0) + other.sum(0), other - first
+    seen = _apart(other.sum(0), both)
+    if np.isnan(seen):
+        return None
+    more = more[(more != 0).any(1)]
+    if len(more) <= ALL_SIGNS:
+        swapped = np.array(list(product((0, 1), repeat=len(more))), float).reshape(2 ** len(more), -1)
+    else:
+        swapped = rng.integers(2, size=(FLIPS, len(more))).astype(float)
+    apart = _apart(other.sum(0) - swapped @ more, both)
+    extreme = ~(np.abs(apart) < abs(seen) - EQUAL)  # what is not defined, too
+    return float(extreme.mean()) if len(more) <= ALL_SIGNS else float((1 + extreme.sum()) / (1 + FLIPS))
+
+
+def _apart(own: np.ndarray, both: np.ndarray) -> np.ndarray:
+    """Share of `own`, part and whole (..., 2), less the share of the rest of `both`; nan where there is no whole."""
+    rest = both - own
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(own[..., 0] / own[..., 1] - rest[..., 0] / rest[..., 1])
+
+
+Counted = Mapping[str, Mapping[str, Sequence[int]]]
+"""Numerators and denominators of shares, `part` and `whole` on each board: `by_board` of an evaluation's result."""
+
+
+def compare_boards(first: Counted, other: Counted, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
+    """The second method's shares less the first one's, on the same boards.
+
+    Args:
+        first, other: `by_board` of two results. If one has fewer boards, they are the first ones of the other's.
+
+    Returns:
+        Of each share that both have: `boards`, `difference` and `p` (`swap_test`); None where one is not defined.
+    """
+    told = {}
+    for name in first.keys() & other.keys():
+        tables = [np.array([one[name]["part"], one[name]["whole"]]).T for one in (first, other)]
+        boards = min(map(len, tables))
+        one, two = (table[:boards] for table in tables)
+        apart = float(_apart(two.sum(0), one.sum(0) + two.sum(0)))
+        difference = None if np.isnan(apart) else apart
+        told[name] = {"boards": boards, "difference": difference, "p": swap_test(one, two, rng)}
+    return dict(sorted(told.items()))
 
 
 def mcnemar_test(first: np.ndarray, second: np.ndarray) -> float | None:

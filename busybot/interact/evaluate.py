@@ -197,6 +197,7 @@ def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> di
         "failures_by_object": m.failures_by_object(boards),
         "missed_links": m.missed_links(boards),
         "by_step": m.by_step(boards),
+        "by_board": m.by_board(boards),
     }
 
 

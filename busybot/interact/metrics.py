@@ -174,6 +174,10 @@ trigger objects; successes of actions that do not repeat a link; successes off t
 actions on which the pixels and the joints agree."""
 
 
+OVER_BOARDS = ("precision", "recall", "recall_objects", "precision_exploring")
+"""Shares that results tell of every single board."""
+
+
 def micro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
     """All shares over all boards pooled."""
     return {name: _share(part, whole) for name, (part, whole) in counts(boards).items()}
@@ -182,6 +186,12 @@ def micro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:
 def counts(boards: Sequence[JudgedBoard]) -> dict[str, tuple[int, int]]:
     """Numerators and denominators of the pooled shares."""
     return {name: (int(table[:, 0].sum()), int(table[:, 1].sum())) for name, table in _tables(boards).items()}
+
+
+def by_board(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, list[int]]]:
+    """Numerators and denominators of the shares that the paper has, on each board (`statistics.compare_boards`)."""
+    tables = _tables(boards)
+    return {name: dict(zip(("part", "whole"), tables[name].T.tolist(), strict=True)) for name in OVER_BOARDS}
 
 
 def macro(boards: Sequence[JudgedBoard]) -> dict[str, float | None]:

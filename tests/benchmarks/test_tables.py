@@ -21,7 +21,7 @@ from busybot.evaluation.results import read_result, stamp, write_result
 def scores(**values: float | None) -> dict[str, Any]:
     told: dict[str, Any] = dict.fromkeys((*SCORES, *DETAILS), None)
     told["bounds"] = {"not_knowing": {"pred_a": 0.96, "pred_a_successful": 0.99}}
-    return {**told, **values}
+    return {**told, "by_board": {"pred_a": {"part": [2, 3], "whole": [4, 4]}}, **values}
 
 
 def test_mean_and_extremes_over_seeds() -> None:
@@ -48,6 +48,30 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
     assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
     assert row["commands"] == ["busybot eval reason DATA/novel-object --reasoner lookup --decoders DATA/train"]
     assert told_rows(out, "table2")["lookup"] == row and told_rows(tmp_path / "none.json", "table2") == {}
+
+
+def test_rows_of_table_2_are_compared_on_the_boards_that_both_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right = {"paper-short-0": [1, 1], "paper-short-without-inference-0": [0, 1, 9]}
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        if arguments[0] == "train":
+            return {"training": {}, "out": "", "model": ""}
+        part = right[Path(arguments[arguments.index("--reasoner") + 1]).name]
+        return scores(by_board={"pred_a": {"part": part, "whole": [10] * len(part)}})
+
+    monkeypatch.setattr(runner, "busybot", answer)
+    (tmp_path / "data" / "few" / "novel-config").mkdir(parents=True)
+    words = ["--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(tmp_path / "told.json")]
+    table2.main([*words, "--rows", "paper-short-without-inference"])
+    alone = told_rows(tmp_path / "told.json", "table2")["paper-short-without-inference"]
+    assert alone["splits"]["novel-config"]["compared"] is None, "nobody was judged that it is compared with"
+    table2.main([*words, "--rows", "paper-short,paper-short-without-inference"])
+    both = told_rows(tmp_path / "told.json", "table2")
+    assert both["paper-short-without-inference"]["splits"]["novel-config"]["compared"] == {
+        "against": "paper-short", "pred_a": {"boards": 2, "difference": pytest.approx(-0.05), "p": 1.0},
+    }  # fmt: skip
 
 
 def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
@@ -174,11 +198,15 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
             return {"training": {"seed": 1}}
         keys = dict.fromkeys((*table1.KEYS, "commit", "dataset", "versions"), 0.5)
         policy = {"explore": 0.25, "after_failure": [[0.0]]}
-        return keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}}
+        counts = {"recall": {"part": [0 if "greedy" in arguments else 2] * 5, "whole": [2] * 5}}
+        told = keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}, "by_board": counts}
+        if arguments[1] == "interact":
+            write_result(Path(arguments[arguments.index("--out") + 1]) / RESULT, stamp("interact") | told)
+        return told
 
     monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w").mkdir()
-    out, rows = tmp_path / "table1.json", "free-1,greedy,without-responders-1000"
+    out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
     table1.main()
     told = json.loads(out.read_text())["rows"]
@@ -189,7 +217,12 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         told["greedy"]["commands"][1]
         == "busybot eval interact WORK/judge-707-novel-config --model WORK/free-0 --mode greedy"
     )
-    trained = [command for command in asked if command[0] == "train"]
+    assert told["free-0"]["novel-object"]["compared"] is None
+    assert told["greedy"]["novel-object"]["compared"] == {
+        "against": "free-0", "recall": {"boards": 5, "difference": -1, "p": 2 / 32}
+    }  # fmt: skip
+    assert told["free-1"]["novel-config"]["compared"]["recall"]["p"] == 1
+    trained = [command for command in asked if command[0] == "train"][1:]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
     further = {*table1.ON_REQUEST} - {"paper"}
     assert {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - further and "paper" in table1.ON_REQUEST

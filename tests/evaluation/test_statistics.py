@@ -7,9 +7,11 @@ from busybot.common.rng import generator
 from busybot.evaluation.statistics import (
     FLIPS,
     binomial_interval,
+    compare_boards,
     interval_over_boards,
     mcnemar_test,
     sign_flip_test,
+    swap_test,
     two_level_interval,
     widest,
 )
@@ -62,6 +64,36 @@ def test_drawn_signs_are_near_the_exact_ones_and_never_say_impossible() -> None:
     assert sign_flip_test(np.ones(40), rng()) == pytest.approx(1 / (1 + FLIPS))
     exact = 2 * sum(np.array([1, 14, 91])) / 2**14  # at most 2 of 14 signs are the others
     assert sign_flip_test(np.array([1.0] * 12 + [-1.0] * 2), rng()) == pytest.approx(exact, abs=0.005)
+
+
+def test_swapped_boards_say_how_rare_a_difference_of_shares_is() -> None:
+    """On five boards one method always has 1 of 2 and the other 2 of 2: only all boards swapped are as far apart."""
+    half, whole = np.tile([1, 2], (5, 1)), np.tile([2, 2], (5, 1))
+    assert swap_test(half, whole, rng()) == 2 / 32 == swap_test(whole, half, rng())
+    assert swap_test(half, half, rng()) == 1.0
+    assert swap_test(half[:0], half[:0], rng()) is None
+    assert swap_test(np.zeros((5, 2)), whole, rng()) is None, "who claimed nothing has no precision"
+    assert swap_test(np.tile(half, (8, 1)), np.tile(whole, (8, 1)), rng()) == pytest.approx(1 / (1 + FLIPS))
+
+
+def test_a_share_is_of_all_boards_together() -> None:
+    """Who claims all 10 pairs of one board and who claims the 2 true ones: swapped, 0.2 and 1 change places."""
+    few, many = np.array([[2, 2], [1, 1]]), np.array([[2, 10], [1, 1]])
+    assert swap_test(few, many, rng()) == 1.0, "one board that differs says nothing"
+    told = compare_boards(counts(few), counts(many), rng())
+    assert told == {"edge_p": {"boards": 2, "difference": pytest.approx(3 / 11 - 1), "p": 1.0}}
+    told = compare_boards(counts(few), counts(many[1:]), rng())
+    assert told["edge_p"]["boards"] == 1, "the first boards alone"
+    assert compare_boards(counts(few), {"pred_a": counts(few)["edge_p"]}, rng()) == {}
+
+
+def test_a_draw_without_a_whole_counts_against_a_difference() -> None:
+    first, other = np.array([[0, 0], [2, 4]]), np.array([[3, 3], [2, 4]])
+    assert swap_test(first, other, rng()) == 1.0
+
+
+def counts(table: np.ndarray) -> dict[str, dict[str, list[int]]]:
+    return {"edge_p": {"part": table[:, 0].tolist(), "whole": table[:, 1].tolist()}}
 
 
 def test_mcnemar_counts_boards_on_which_one_method_alone_succeeds() -> None:

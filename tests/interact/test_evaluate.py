@@ -25,7 +25,7 @@ CHOOSER = TruthFactory(config=PolicyConfig(temperature=1))  # what knows the tru
 KEYS = {
     "precision", "recall", "recall_objects", "precision_exploring", "off_axis_share", "boards", "macro", "intervals",
     "failures_by_cause", "failures_by_object", "missed_links", "by_step", "provenance", "dataset", "seed", "strict",
-    "policy", "actions", "config", "versions",
+    "by_board", "policy", "actions", "config", "versions",
 }  # fmt: skip
 
 

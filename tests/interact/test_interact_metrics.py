@@ -94,6 +94,16 @@ def test_precision_and_recall_along_the_way() -> None:
     assert [row["recall"] for row in rows] == [1 / 6, 1 / 6, 2 / 6, 2 / 6]
 
 
+def test_what_was_counted_on_each_board() -> None:
+    told = m.by_board([FIRST, SECOND])
+    assert told.keys() == set(m.OVER_BOARDS)
+    for name, (part, whole) in m.counts([FIRST, SECOND]).items():
+        if name in told:
+            assert (sum(told[name]["part"]), sum(told[name]["whole"])) == (part, whole)
+    assert told["recall"] == {"part": [len(FIRST.moved()), len(SECOND.moved())], "whole": [3, 3]}
+    assert m.by_board([])["precision"] == {"part": [], "whole": []}
+
+
 def test_intervals_hold_the_value_and_shrink_with_more_boards() -> None:
     few, many = [FIRST, SECOND] * 5, [FIRST, SECOND] * 200
     for boards in (few, many):

@@ -195,6 +195,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "counts": m.totals(counts, m.EDGES),
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
+        "by_board": _by_board(judged, steps),
         "baselines": _baselines(judged, seed),
         **summarise_proposals([one.proposals for one in judged]),
         "world": ", ".join(sorted({one.board.world for one in judged})),
@@ -279,6 +280,19 @@ def _curve(judged: Sequence[JudgedGraph], forecasts: Forecasts, images: int) -> 
         bound = _bound(judged, seen - 1)
         curve.append({"images": seen, **scores, "edge_r_bound": bound, **after_images(forecasts, seen)})
     return curve
+
+
+def _by_board(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, list[int]]]:
+    """Numerators and denominators on each board (`statistics.compare_boards`); 0 where nothing was predicted."""
+    rows = []
+    for one in judged:
+        forecast = [] if one.forecast is None else [(one.board, one.forecast)]
+        rows.append({**one.counts(steps), **m.totals(counted(forecast, NEAREST), m.PREDICTIONS)})
+    shares = CLAIMS | {"pred_a": m.PREDICTIONS["pred_a"]}
+    return {
+        name: {"part": [row[part] for row in rows], "whole": [row[whole] for row in rows]}
+        for name, (part, whole) in shares.items()
+    }
 
 
 def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, Scores]:

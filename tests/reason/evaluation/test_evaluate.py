@@ -86,6 +86,11 @@ def test_summary_of_claims_known_by_hand() -> None:
     assert result["brier"] == pytest.approx(4 / 12)
     assert (result["boards"], result["steps"], result["edge_r_bound"]) == (2, 44, 1.0)
     assert result["pred_a"] is result["pred_a_responder"] is result["pred_a_bound"] is None
+    assert result["by_board"] == {
+        "edge_p": {"part": [1, 0], "whole": [2, 0]},
+        "edge_r": {"part": [1, 0], "whole": [2, 2]},
+        "pred_a": {"part": [0, 0], "whole": [0, 0]},
+    }
 
 
 def test_intervals_over_objects_are_as_wide_as_triggers_are_few() -> None:

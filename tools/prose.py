@@ -171,7 +171,8 @@ def claim(name: str) -> str:
         BusybotError: it is not, or a row has no such figure.
     """
     one = CLAIMS[name]
-    found = rows_of(one.table.number, result(f"table{one.table.number}")["rows"])
+    rows = result(f"table{one.table.number}")["rows"]
+    found = rows_of(one.table.number, rows)
     cells = {(row, *place): _known(found[row], place) for row in one.rows for place in product(NOVEL, one.keys)}
     for what, is_so in _said(name, cells, found):
         holds(what, is_so)
@@ -180,8 +181,23 @@ def claim(name: str) -> str:
     lines += [the_papers(one.table, row, product(NOVEL, one.keys)) for row in one.paper]
     heads = [f"{words}: {one.table.keys[key]}" for words, key in product(NOVEL.values(), one.keys)]
     more = {"image-reward": _rewards_of_a_real_camera, "planning": _plans}
-    table = markdown([plain_grid(heads, lines, "percent")])
+    grids = [plain_grid(heads, lines, "percent")]
+    if apart := _apart(one, words, rows):
+        grids.append(plain_grid(heads, apart, "points on the same boards (p)"))
+    table = markdown(grids)
     return f"{table}\n{more[name]()}" if name in more else table
+
+
+def _apart(one: Claim, words: dict[str, str], rows: dict[str, Any]) -> list[tuple[str, list[str]]]:
+    """Rows that were compared with another one board by board, by the first training of both."""
+    lines = []
+    for name in one.rows:
+        splits = rows[name].get("splits", rows[name])
+        told = [splits[split].get("compared") for split in NOVEL]
+        if all(told):
+            cells = [_difference(tests[key], "p") for tests, key in product(told, one.keys)]
+            lines.append((f"{words[name]} against {words[told[0]['against']]}", cells))
+    return lines
 
 
 def _known(row: RowFound, place: tuple[str, str]) -> Score:
@@ -277,8 +293,8 @@ def _plans_of_the_papers_network() -> str:
     return markdown([alone, plain_grid(heads, apart, "points on the same tasks (p)")]) + "\n" + same
 
 
-def _difference(told: dict[str, float]) -> str:
-    return f"{100 * told['difference']:+.1f} ({told['p_success']:.2g})"
+def _difference(told: dict[str, float], p: str = "p_success") -> str:
+    return f"{100 * told['difference']:+.1f} ({told[p]:.2g})"
 
 
 REWARDS = {

@@ -161,13 +161,13 @@ def swap_test(first: np.ndarray, other: np.ndarray, rng: np.random.Generator) ->
     if np.isnan(seen):
         return None
     more = more[(more != 0).any(1)]
-    if len(more) <= ALL_SIGNS:
-        swapped = np.array(list(product((0, 1), repeat=len(more))), float).reshape(2 ** len(more), -1)
-    else:
-        swapped = rng.integers(2, size=(FLIPS, len(more))).astype(float)
-    apart = _apart(other.sum(0) - swapped @ more, both)
-    extreme = ~(np.abs(apart) < abs(seen) - EQUAL)  # what is not defined, too
-    return float(extreme.mean()) if len(more) <= ALL_SIGNS else float((1 + extreme.sum()) / (1 + FLIPS))
+    every = len(more) <= ALL_SIGNS
+    if every:
+        moved = np.array(list(product((0, 1), repeat=len(more))), float).reshape(2 ** len(more), -1) @ more
+    else:  # one draw after the other: all of many boards would not fit into memory
+        moved = np.stack([rng.integers(2, size=len(more)) @ more for _ in range(FLIPS)])
+    extreme = ~(np.abs(_apart(other.sum(0) - moved, both)) < abs(seen) - EQUAL)  # what is not defined, too
+    return float(extreme.mean()) if every else float((1 + extreme.sum()) / (1 + FLIPS))
 
 
 def _apart(own: np.ndarray, both: np.ndarray) -> np.ndarray:

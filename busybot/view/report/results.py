@@ -30,6 +30,9 @@ SHOWN = (
 MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
+MOST_COUNTED = 10**9
+"""On one board."""
+
 
 def _without_level(told: Any) -> Any:
     """Intervals alone, without how much lies within them."""
@@ -37,6 +40,19 @@ def _without_level(told: Any) -> Any:
 
 
 Intervals = Annotated[dict[str, Interval], BeforeValidator(_without_level)]
+
+
+class _OnBoards(ResultFile):
+    """What was counted on each board."""
+
+    part: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
+    whole: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
+
+    @model_validator(mode="after")
+    def _of_the_same_boards(self) -> "_OnBoards":
+        if len(self.part) != len(self.whole):
+            raise ValueError("part and whole are of other numbers of boards")
+        return self
 
 
 class InteractResult(Evaluation):
@@ -51,6 +67,7 @@ class InteractResult(Evaluation):
     intervals: Intervals
     object_intervals: Intervals = {}
     by_step: list[dict[str, float | None]] = []
+    by_board: dict[str, _OnBoards] = {}
 
 
 class _AfterImages(ResultFile):
@@ -81,6 +98,7 @@ class ReasonResult(Evaluation):
     intervals: Intervals
     object_intervals: Intervals = {}
     by_images: list[_AfterImages] = []
+    by_board: dict[str, _OnBoards] = {}
     baselines: dict[str, dict[str, float | None]] = {}
     persistence: dict[str, Any] | None = None
 

@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+from busybot.common.rng import generator
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, ReferenceRow, Role, Table
 from busybot.evaluation.results import KINDS
+from busybot.evaluation.statistics import compare_boards
 from busybot.view.figures.curves import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
 from busybot.view.report.page import (
@@ -239,7 +241,51 @@ def single_blocks(results: Results) -> list[Block]:
             "objects, or on a few boards, they only say where one stands."
         )
         blocks.insert(0, Text(note))
-    return blocks
+    return [*blocks, *_compared(results)]
+
+
+def _compared(results: Results) -> list[Block]:
+    """Evaluations of one skill on the same boards: all others against the one that was given first."""
+    groups: dict[tuple[str, str, int], list[tuple[str, InteractResult | ReasonResult]]] = {}
+    for name, result in results.singles.items():
+        boards = result.dataset.get("board_hash")
+        if boards and result.by_board:
+            skill = INTERACTION.skill if isinstance(result, InteractResult) else REASONING.skill
+            groups.setdefault((skill, boards, result.boards), []).append((name, result))
+    grids = [_comparison(told) for told in groups.values() if len(told) > 1]
+    return [Heading("On the same boards", 3), Text(PAIRED), *grids] if grids else []
+
+
+PAIRED = (
+    "What each has more than the one that was given first, in points, and how probable so large a difference is, "
+    "either way, if both are equally good (p): a permutation test that swaps what they did on a board. It says nothing "
+    "about boards with other objects."
+)
+
+
+def _comparison(told: list[tuple[str, InteractResult | ReasonResult]]) -> Grid:
+    (first_name, first), *others = told
+    table = INTERACTION if isinstance(first, InteractResult) else REASONING
+    keys = [key for key in table.keys if key in first.by_board]
+    lines = []
+    for name, other in others:
+        split = str(first.dataset.get("split"))
+        mine, theirs = ({key: one.model_dump() for key, one in each.by_board.items()} for each in (other, first))
+        found = compare_boards(theirs, mine, generator(0, split, 0, "report/compared"))
+        lines.append((_named(name, other), [_difference(found.get(key)) for key in keys]))
+    heads = [table.keys[key] for key in keys]
+    return plain_grid(heads, lines, f"against {_named(first_name, first)}, {first.boards} boards")
+
+
+def _named(name: str, result: InteractResult | ReasonResult) -> str:
+    """Who was judged, and the end of the file's name: there may be several of them."""
+    return f"{subject(result)} (`{'/'.join(Path(name).parts[-2:])}`)"
+
+
+def _difference(told: dict[str, Any] | None) -> str:
+    if told is None or told["difference"] is None:
+        return "-"
+    return f"{100 * told['difference']:+.1f} ({told['p']:.2g})"
 
 
 def _single(

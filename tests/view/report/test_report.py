@@ -196,6 +196,23 @@ def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
     assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
 
 
+def test_evaluations_on_the_same_boards_are_compared_board_by_board(tmp_path: Path) -> None:
+    def judged(model: str, part: list[int], **changes: Any) -> dict[str, Any]:
+        counts = {"edge_p": {"part": part, "whole": [4] * len(part)}}
+        return reasoned() | {"model": model, "dataset": DATASET | {"board_hash": "b"}, "by_board": counts} | changes
+
+    write(tmp_path / "in" / "a.json", judged("event", [4] * 6))
+    write(tmp_path / "in" / "b.json", judged("mine", [3] * 6))
+    write(tmp_path / "in" / "c.json", judged("other boards", [1] * 6, dataset=DATASET | {"board_hash": "c"}))
+    text = write_report([tmp_path / "in"], tmp_path / "out").markdown.read_text()
+    told = text.split("### On the same boards")[1].split("##")[0]
+    assert "| mine (`in/b.json`) | -25.0 (0.031) |" in told and "| against event (`in/a.json`), " in told
+    assert "other boards" not in told
+    file = write(tmp_path / "d.json", judged("mine", [3], by_board={"edge_p": {"part": [1, 2], "whole": [1]}}))
+    with pytest.raises(BusybotError, match=r"d.json: by_board.edge_p.*other numbers of boards"):
+        write_report([file], tmp_path / "broken")
+
+
 def test_a_report_in_a_folder_of_results_does_not_show_its_own_pictures(tmp_path: Path) -> None:
     write(tmp_path / "one.json", reasoned())
     Image.new("RGB", (8, 8)).save(tmp_path / "curve.png")

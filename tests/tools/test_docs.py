@@ -310,6 +310,19 @@ def test_a_claim_is_told_as_long_as_the_results_say_so(results: Path) -> None:
         told(relation=0.6, predictive=0.95, busybot=0.953)
 
 
+def test_rows_that_were_compared_board_by_board_are_told_with_what_they_were_compared_with() -> None:
+    def row(told: dict[str, Any] | None) -> dict[str, Any]:
+        return {"splits": {split: {"compared": told} for split in prose.NOVEL}}
+
+    claim, tested = prose.CLAIMS["inference"], {"pred_a": {"boards": 60, "difference": -0.4, "p": 0.0001}}
+    rows = dict.fromkeys(claim.rows, row(None)) | {claim.rows[2]: row({"against": claim.rows[3], **tested})}
+    words = {name: name for name in claim.rows}
+    told = prose._apart(claim, words, rows)
+    assert told == [("paper-short-without-inference against paper-short", ["-40.0 (0.0001)"] * 2)]
+    before = {name: {"splits": {split: {} for split in prose.NOVEL}} for name in claim.rows}
+    assert prose._apart(claim, words, before) == [], "older results have no such tests"
+
+
 def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
     part = {"ms": 3.0, "products": 0.1, "share": 0.75}
     limited = {**part, "limit": "bare", "limit_ms": 1.5, "ratio": 2.0}

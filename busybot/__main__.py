@@ -1,5 +1,7 @@
 """The command `busybot`, also as `python -m busybot`."""
 
+import atexit
+import gc
 import sys
 
 
@@ -8,6 +10,8 @@ def main() -> None:
 
     The command line is imported here, so that Ctrl-C ends the imports as quietly as everything later.
     """
+    # else Python ends by searching all that PyTorch has made for cycles to free, which takes most of a second
+    atexit.register(gc.freeze)
     try:
         from busybot.cli.main import run
 

@@ -18,6 +18,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # read when torch and numpy are imported, here and in child processes
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("BUSYBOT_WORKERS", "1")  # commands of several tests share the cores already
 
 Once = Callable[[str, Callable[[Path], object]], Path]
 """See the fixture `once`."""
@@ -27,6 +29,9 @@ FEW = {
     *("flush", "safe", "duck", "car"),
 }
 """Families of the fixture `few_objects`: a switch of each role, lamps, doors, toys."""
+LONGEST = ("test_reproduce", "test_readme", "test_guides", "test_demo")
+"""Modules with tests of minutes: they come first, else one process would be at the last of them when all others have
+nothing left to do."""
 
 
 def real_objects(variable: str, folder: str) -> Path | None:
@@ -186,6 +191,10 @@ def in_process(work_here: Callable[[], AbstractContextManager[None]]) -> Iterato
     """Work for worker processes is done here: a test about something else does not wait until they have started."""
     with work_here():
         yield
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

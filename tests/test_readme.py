@@ -1,4 +1,4 @@
-"""What the README says works: its commands and its code are run as they stand."""
+"""What the README says works: its commands and its code are run as they stand, on 4 boards where it makes 20."""
 
 import os
 import re
@@ -17,6 +17,11 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", README, re.DOTALL)
 
 
+def few(line: str) -> list[str]:
+    """The words of a command, of few boards."""
+    return shlex.split(line.replace("--boards 20", "--boards 4"))
+
+
 def run(command: list[str], folder: Path) -> None:
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, env=dict(os.environ))
     assert done.returncode == 0, f"{shlex.join(command)}\n{done.stdout}\n{done.stderr}"
@@ -27,7 +32,7 @@ def test_commands_and_code_run(tmp_path: Path) -> None:
     commands = [line for block in blocks("sh") for line in block.splitlines()]
     assert len(commands) == 17
     for command in commands:
-        name, *arguments = shlex.split(command)
+        name, *arguments = few(command)
         assert name == "busybot"
         run([sys.executable, "-m", "busybot", *arguments], tmp_path)
     assert (tmp_path / "out/view.png").stat().st_size > 50_000
@@ -42,7 +47,7 @@ def test_commands_for_real_objects_run(tmp_path: Path, partnet: Path) -> None:
     commands = re.findall(r"^    (busybot .*)$", README, re.MULTILINE)
     assert len(commands) == 3
     for command in commands:
-        arguments = shlex.split(command.replace("DIR", shlex.quote(str(partnet))))[1:]
+        arguments = few(command.replace("DIR", shlex.quote(str(partnet))))[1:]
         run([sys.executable, "-m", "busybot", *arguments], tmp_path)
 
 

@@ -50,6 +50,8 @@ PATIENCE_S = 120
 
 def train(command: tuple[str, ...], minutes: float) -> int | None:
     """Run a training to its end, or for so long; returns its exit code, None if it was interrupted."""
+    # scripts start what is in the background with interrupts ignored, and the training would inherit that
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with subprocess.Popen([*runner.BUSYBOT, *command]) as process:
         try:
             return process.wait(60 * minutes)

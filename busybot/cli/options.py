@@ -166,7 +166,12 @@ DeviceOption = Annotated[
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything that is drawn.")]
 WorkersOption = Annotated[
     int | None,
-    typer.Option("--workers", min=1, help="Number of processes that share the work; by default one per core."),
+    typer.Option(
+        "--workers",
+        min=1,
+        envvar="BUSYBOT_WORKERS",
+        help="Number of processes that share the work; by default one per core.",
+    ),
 ]
 AssetsOption = Annotated[str | None, typer.Option(help="Objects, if they are not found by their hashes.")]
 StrictOption = Annotated[bool, typer.Option("--strict", help="Refuse moves far off the annotated directions.")]

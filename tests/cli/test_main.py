@@ -6,6 +6,7 @@ import shlex
 import subprocess
 import sys
 import types
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,6 +21,7 @@ from busybot.cli.dataset import printing
 from busybot.cli.options import RENAMED, JsonOption
 from busybot.common.errors import BusybotError, UsageError
 from busybot.datasets.importing.sources import Imported
+from tests.cli.commands import busybot
 
 RUNNER = CliRunner()
 HEAVY = ("sapien", "torch", "rerun", "numpy", "pandas", "pyarrow", "cv2", "rich")
@@ -315,3 +317,21 @@ def test_a_device_that_is_not_there_is_refused_before_anything_else(order: tuple
     done = RUNNER.invoke(main.app, ["collect", "no-such-dataset", *order])
     assert done.exit_code == 1 and "there is no device cuda:99" in json.loads(done.stdout)["error"]
     assert "no-such-dataset" not in done.stdout
+
+
+def test_the_environment_says_how_many_workers_there_are(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked: list[int] = []
+
+    def told(wanted: int | None) -> int:
+        asked.append(wanted or 0)
+        raise BusybotError("enough")
+
+    monkeypatch.setattr(import_module("busybot.cli.dataset.app"), "processes", told)
+    tiny = Path(__file__).parents[2] / "datasets" / "tiny"
+    monkeypatch.setenv("BUSYBOT_WORKERS", "3")
+    busybot("dataset", "verify", tiny)
+    busybot("dataset", "verify", tiny, "--workers", "2")
+    assert asked == [3, 2]
+    monkeypatch.setenv("BUSYBOT_WORKERS", "none")
+    done = busybot("dataset", "verify", tiny)
+    assert done.returncode == 2 and "BUSYBOT_WORKERS" in done.stderr and asked == [3, 2]

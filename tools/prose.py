@@ -12,7 +12,7 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, Table
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import binomial_interval
-from busybot.view.report.page import markdown, plain_grid
+from busybot.view.report.page import difference, markdown, plain_grid
 from busybot.view.report.results import RowFound, Score, rows_of
 from tools.tables import RESULTS, cell, percent, result, the_papers
 
@@ -195,7 +195,7 @@ def _apart(one: Claim, words: dict[str, str], rows: dict[str, Any]) -> list[tupl
         splits = rows[name].get("splits", rows[name])
         told = [splits[split].get("compared") for split in NOVEL]
         if all(told):
-            cells = [_difference(tests[key], "p") for tests, key in product(told, one.keys)]
+            cells = [difference(tests[key]["difference"], tests[key]["p"]) for tests, key in product(told, one.keys)]
             lines.append((f"{words[name]} against {words[told[0]['against']]}", cells))
     return lines
 
@@ -287,14 +287,16 @@ def _plans_of_the_papers_network() -> str:
     behind = told["compared"]["novel-object, one-to-many"]["relation"]
     holds("its relations alone are behind", behind["difference"] < 0 and behind["p_success"] < 0.01)
     parts = ("relation", "predictive")
-    apart = [(f"{words[part]} against both", [_difference(one[part]) for one in compared]) for part in parts]
+    apart = [
+        (
+            f"{words[part]} against both",
+            [difference(one[part]["difference"], one[part]["p_success"]) for one in compared],
+        )
+        for part in parts
+    ]
     alone = plain_grid(heads, lines, "percent, with the paper's network")
     same = _never_differing(told["tasks"] * len(places), "the paper's network")
     return markdown([alone, plain_grid(heads, apart, "points on the same tasks (p)")]) + "\n" + same
-
-
-def _difference(told: dict[str, float], p: str = "p_success") -> str:
-    return f"{100 * told['difference']:+.1f} ({told[p]:.2g})"
 
 
 REWARDS = {

@@ -129,10 +129,11 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, result: dict
     """A row against another one on the same boards (`compare_boards`); None if that was not judged here."""
     against = ROWS[name].against
     known = _judged(arguments, against, split) / RESULT
-    if against == name or not known.exists():
+    told = read_result(known, "interact").get("by_board") if against != name and known.exists() else None
+    if told is None:  # nor do older ones tell it
         return None
     rng = generator(arguments.judge_seed, split, 0, f"table1/{name}")
-    return {"against": against, **compare_boards(read_result(known, "interact")["by_board"], result["by_board"], rng)}
+    return {"against": against, **compare_boards(told, result["by_board"], rng)}
 
 
 def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:

@@ -194,17 +194,18 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
     of which recordings begin with the same; None if that was not judged here."""
     against = ROWS[name].against
     known = _judged(arguments, against, 0, split)
-    if against == name or not known.exists():
+    told = json.loads(known.read_text()).get("by_board") if against != name and known.exists() else None
+    if told is None:
         return None
     rng = generator(JUDGED[split].seed, split, 0, f"table2/{name}")
-    return {"against": against, **compare_boards(json.loads(known.read_text())["by_board"], answer["by_board"], rng)}
+    return {"against": against, **compare_boards(told, answer["by_board"], rng)}
 
 
 def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
     """A judgement, or the one that an earlier run wrote by the same command: `result`, and its counts `by_board`."""
     if out.exists():
         known = json.loads(out.read_text())
-        if known["typed"] == list(command):
+        if known["typed"] == list(command) and "by_board" in known:  # older ones have none
             return dict(known)
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}

@@ -190,15 +190,15 @@ def compare_boards(first: Counted, other: Counted, rng: np.random.Generator) -> 
     Returns:
         Of each share that both have: `boards`, `difference` and `p` (`swap_test`); None where one is not defined.
     """
-    told = {}
-    for name in first.keys() & other.keys():
+    told: dict[str, dict[str, Any]] = {}
+    for name in sorted(first.keys() & other.keys()):  # draws come one after the other: sets have no order
         tables = [np.array([one[name]["part"], one[name]["whole"]]).T for one in (first, other)]
         boards = min(map(len, tables))
         one, two = (table[:boards] for table in tables)
         apart = float(_apart(two.sum(0), one.sum(0) + two.sum(0)))
         difference = None if np.isnan(apart) else apart
         told[name] = {"boards": boards, "difference": difference, "p": swap_test(one, two, rng)}
-    return dict(sorted(told.items()))
+    return told
 
 
 def mcnemar_test(first: np.ndarray, second: np.ndarray) -> float | None:

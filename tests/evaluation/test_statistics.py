@@ -88,8 +88,19 @@ def test_a_share_is_of_all_boards_together() -> None:
 
 
 def test_a_draw_without_a_whole_counts_against_a_difference() -> None:
-    first, other = np.array([[0, 0], [2, 4]]), np.array([[3, 3], [2, 4]])
+    """Two boards on each of which one method claimed nothing: swapped alone, nothing is left of one of them."""
+    first, other = np.array([[0, 0], [2, 4]]), np.array([[3, 3], [0, 0]])
     assert swap_test(first, other, rng()) == 1.0
+
+
+def test_draws_are_in_the_order_of_the_names() -> None:
+    """Whatever order a process's sets have."""
+    first, other = np.random.default_rng(0).integers(1, 9, (2, 40, 2)).cumsum(2)
+    one, two = ({name: counts(each)["edge_p"] for name in "fedcba"} for each in (first, other))
+    draws = rng()
+    expected = [swap_test(first, other, draws) for _ in one]
+    assert len(set(expected)) > 1 and [each["p"] for each in compare_boards(one, two, rng()).values()] == expected
+    assert list(compare_boards(one, two, rng())) == list("abcdef")
 
 
 def counts(table: np.ndarray) -> dict[str, dict[str, list[int]]]:

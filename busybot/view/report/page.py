@@ -104,6 +104,11 @@ def number(value: float) -> str:
     return f"{value:.1f}"
 
 
+def difference(share: float, p: float) -> str:
+    """A difference of shares in points, and how probable it is by chance."""
+    return f"{100 * share:+.1f} ({p:.2g})"
+
+
 def reference(value: float) -> str:
     """A percentage of the paper or of the protocol: one digit, two where it is below 1."""
     return f"{value:g}" if value < 1 else number(value)

@@ -19,6 +19,7 @@ from busybot.view.report.page import (
     Picture,
     Text,
     Tone,
+    difference,
     number,
     plain_grid,
     reference,
@@ -245,13 +246,14 @@ def single_blocks(results: Results) -> list[Block]:
 
 
 def _compared(results: Results) -> list[Block]:
-    """Evaluations of one skill on the same boards: all others against the one that was given first."""
-    groups: dict[tuple[str, str, int], list[tuple[str, InteractResult | ReasonResult]]] = {}
+    """Evaluations of one skill on the same boards, or recordings: all others against the one that was given first."""
+    groups: dict[tuple[Any, ...], list[tuple[str, InteractResult | ReasonResult]]] = {}
     for name, result in results.singles.items():
         boards = result.dataset.get("board_hash")
         if boards and result.by_board:
             skill = INTERACTION.skill if isinstance(result, InteractResult) else REASONING.skill
-            groups.setdefault((skill, boards, result.boards), []).append((name, result))
+            which = (skill, boards, result.dataset.get("content_hash"), result.boards)
+            groups.setdefault(which, []).append((name, result))
     grids = [_comparison(told) for told in groups.values() if len(told) > 1]
     return [Heading("On the same boards", 3), Text(PAIRED), *grids] if grids else []
 
@@ -269,10 +271,11 @@ def _comparison(told: list[tuple[str, InteractResult | ReasonResult]]) -> Grid:
     keys = [key for key in table.keys if key in first.by_board]
     lines = []
     for name, other in others:
-        split = str(first.dataset.get("split"))
         mine, theirs = ({key: one.model_dump() for key, one in each.by_board.items()} for each in (other, first))
-        found = compare_boards(theirs, mine, generator(0, split, 0, "report/compared"))
-        lines.append((_named(name, other), [_difference(found.get(key)) for key in keys]))
+        found = compare_boards(theirs, mine, generator(0, "", 0, "report/compared"))
+        told_of = [found.get(key, {"difference": None}) for key in keys]
+        cells = ["-" if one["difference"] is None else difference(one["difference"], one["p"]) for one in told_of]
+        lines.append((_named(name, other), cells))
     heads = [table.keys[key] for key in keys]
     return plain_grid(heads, lines, f"against {_named(first_name, first)}, {first.boards} boards")
 
@@ -280,12 +283,6 @@ def _comparison(told: list[tuple[str, InteractResult | ReasonResult]]) -> Grid:
 def _named(name: str, result: InteractResult | ReasonResult) -> str:
     """Who was judged, and the end of the file's name: there may be several of them."""
     return f"{subject(result)} (`{'/'.join(Path(name).parts[-2:])}`)"
-
-
-def _difference(told: dict[str, Any] | None) -> str:
-    if told is None or told["difference"] is None:
-        return "-"
-    return f"{100 * told['difference']:+.1f} ({told['p']:.2g})"
 
 
 def _single(

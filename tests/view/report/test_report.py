@@ -204,10 +204,12 @@ def test_evaluations_on_the_same_boards_are_compared_board_by_board(tmp_path: Pa
     write(tmp_path / "in" / "a.json", judged("event", [4] * 6))
     write(tmp_path / "in" / "b.json", judged("mine", [3] * 6))
     write(tmp_path / "in" / "c.json", judged("other boards", [1] * 6, dataset=DATASET | {"board_hash": "c"}))
+    again = DATASET | {"board_hash": "b", "content_hash": "acted on by somebody else"}
+    write(tmp_path / "in" / "e.json", judged("other recordings", [1] * 6, dataset=again))
     text = write_report([tmp_path / "in"], tmp_path / "out").markdown.read_text()
     told = text.split("### On the same boards")[1].split("##")[0]
     assert "| mine (`in/b.json`) | -25.0 (0.031) |" in told and "| against event (`in/a.json`), " in told
-    assert "other boards" not in told
+    assert "other boards" not in told and "other recordings" not in told
     file = write(tmp_path / "d.json", judged("mine", [3], by_board={"edge_p": {"part": [1, 2], "whole": [1]}}))
     with pytest.raises(BusybotError, match=r"d.json: by_board.edge_p.*other numbers of boards"):
         write_report([file], tmp_path / "broken")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.datasets.importing import checkerboard
 from busybot.datasets.importing.checkerboard import Checkerboard, calibrate
 from busybot.datasets.importing.sources import import_source
 from tests.cli.commands import busybot
@@ -105,6 +106,19 @@ def test_pictures_of_one_slant_tell_no_focal_length(names: str, tmp_path: Path) 
     with pytest.raises(BusybotError, match="tell no focal length") as error:
         calibrate(folder, BOARD, first, ACROSS)
     assert "several slants" in error.value.hint
+
+
+@pytest.mark.parametrize("names", ["facing turned back", "facing turned a", "facing turned back little"])
+def test_nor_do_they_with_other_noise(names: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where every focal length fits, noise decides at which one a search ends, and how sure it seems of it."""
+    folder, first = pictures(tmp_path / "board", names), f"{names.split()[0]}.png"
+    found = {name: (np.asarray(at), shape) for name, (at, shape) in checkerboard._found(folder, BOARD).items()}
+    noise = np.random.default_rng(0)
+    for deviation in np.repeat([1e-4, 0.02, 0.2], 5):
+        noisy = {name: (np.float32(noise.normal(at, deviation)), shape) for name, (at, shape) in found.items()}
+        monkeypatch.setattr(checkerboard, "_found", lambda *_, told=noisy: told)
+        with pytest.raises(BusybotError, match="tell no focal length"):
+            calibrate(folder, BOARD, first, ACROSS)
 
 
 @pytest.mark.parametrize(

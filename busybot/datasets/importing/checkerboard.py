@@ -8,6 +8,7 @@ picture.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +24,17 @@ LEAST = 3
 MOST_ERROR = 1.0
 """Mean distance of corners from where the camera would see them, pixels: more is a lens that bends lines, or blur."""
 STARTS = (0.5, 1.0, 2.0)
-"""Focal lengths from which the search begins, widths of the picture."""
+"""Focal lengths from which the search begins, and that are tried as they are, widths of the picture."""
+MOST_AS_GOOD = 1.05
+"""Error of a focal length that was tried, times that of the one found: with less it fits as well."""
+OTHER = 0.2
+"""Part of a focal length by which another one differs from it."""
 LEAST_ERROR = 0.1
 """Pixels that corners are found to: less is not looked into."""
 MOST_LEFT_OUT = 30
 """Pictures of which it is tried whether the others agree better without."""
 MOST_SPREAD = 0.02
-"""Part of the focal length by which the searches may differ, and that its standard deviation may have."""
+"""Part of the focal length that its standard deviation may have, and by which others than an odd picture differ."""
 
 
 @dataclass(frozen=True)
@@ -115,30 +120,37 @@ def _matrix(
     """The error, pixels, and the matrix of a camera whose pixels are square.
 
     Pictures of one slant fit cameras of any focal length. Then the search ends where its beginning or the noise of
-    corners takes it: focal lengths from several beginnings differ, their deviation is large, or the middle lies outside
-    the picture.
+    corners takes it, at times with a small deviation: what tells is that a quite other focal length fits as well.
     """
-    found = [_search(board, list(seen.values()), size, size[0] * factor) for factor in STARTS]
-    error, matrix, deviation = min(found, key=lambda one: one[0])
-    _refuse_odd_one(board, seen, size, folder, (error, matrix[0, 0]))
+    corners = list(seen.values())
+    error, matrix, deviation = min(
+        (_search(board, corners, size, size[0] * start) for start in STARTS), key=itemgetter(0)
+    )
+    focal = matrix[0, 0]
+    _refuse_odd_one(board, seen, size, folder, (error, focal))
     if not error <= MOST_ERROR:
         what = f"{folder}: the corners lie {error:.1f} pixels from where a camera without distortion sees them"
         raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
-    focals = [own[0, 0] for _, own, _ in found]
-    agree = 0 < max(focals) <= min(focals) * (1 + MOST_SPREAD) and deviation <= MOST_SPREAD * max(focals)
-    if not agree or not (0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]):
-        told = f"{min(focals):.0f} to {max(focals):.0f} pixels, ± {deviation:.0f}"
+    others = [size[0] * start for start in STARTS if abs(size[0] * start - focal) > OTHER * focal]
+    as_good = [it for it in others if _search(board, corners, size, it, fixed=True)[0] <= error * MOST_AS_GOOD]
+    inside = 0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]
+    if as_good or not inside or not 0 <= deviation <= MOST_SPREAD * focal:
+        told = (
+            f"{as_good[0]:.0f} pixels fit as well as {focal:.0f}"
+            if as_good
+            else f"{focal:.0f} ± {deviation:.0f} pixels"
+        )
         what = f"{folder}: the pictures tell no focal length: {told}"
         raise BusybotError(what, "take pictures with the checkerboard held at several slants, not only turned")
     return error, matrix
 
 
 def _search(
-    board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int], focal: float
+    board: Checkerboard, seen: Sequence[np.ndarray], size: tuple[int, int], focal: float, fixed: bool = False
 ) -> tuple[float, np.ndarray, float]:
-    """Error, matrix, and the focal length's standard deviation, pixels, from this focal length on."""
+    """Error, matrix, and the focal length's standard deviation, pixels, from this focal length on, or with it."""
     flags = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
-    flags |= cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_USE_INTRINSIC_GUESS
+    flags |= cv2.CALIB_USE_INTRINSIC_GUESS | (cv2.CALIB_FIX_FOCAL_LENGTH if fixed else cv2.CALIB_FIX_ASPECT_RATIO)
     start = np.array([[focal, 0, size[0] / 2], [0, focal, size[1] / 2], [0, 0, 1.0]])
     points = [board.points] * len(seen)
     told = cv2.calibrateCameraExtended(points, list(seen), size, start, np.zeros(5), flags=flags)

@@ -16,7 +16,8 @@ BEFORE = {
     "TRAIN": ("generate TRAIN", "collect TRAIN"),
 }
 """Makes what a guide has already."""
-BOARDS = 2
+BOARDS = 1
+"""What takes several is tested where it is: here commands have to run as they are typed."""
 LEFT_OUT = (
     r" DIR\b|/mnt/|frozen/",  # real objects, and a remote: tests/pipelines walks to that and back
     r"^train |bc=bc",  # minutes
@@ -34,7 +35,7 @@ def commands(guide: str) -> list[list[str]]:
 
 
 def _of_few(words: list[str]) -> list[str]:
-    known = {"--boards": str(BOARDS), "--episode": "1"}
+    known = {"--boards": str(BOARDS), "--episode": str(BOARDS - 1)}
     words = [known.get(before, word) for before, word in zip(("", *words), words, strict=False)]
     words = [re.sub(r"(?<=episodes/)\d{6}", f"{BOARDS - 1:06d}", word) for word in words]
     return words if words[0] != "generate" or "--boards" in words else [*words, "--boards", str(BOARDS)]

@@ -252,7 +252,10 @@ def _curious() -> Iterator[_Line]:
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)
     told = "-" if dearest is None else f"{dearest:.0f} {_mark(dearest <= 150)}"
-    yield "CPU-ms of a curious action, pictures, simulation and all, dearest world", ("at most 150 a decision", told)
+    yield (
+        "CPU-ms of a curious action, pictures, simulation and all, the dearer of `gates` and `time`",
+        ("at most 150 a decision", told),
+    )
 
 
 def _asked_times(most: float) -> str:

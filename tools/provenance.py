@@ -8,19 +8,24 @@ others; it may only become shorter.
 
 import json
 import re
+import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import within
 from busybot.common.errors import BusybotError
 from tools import tables
 
+HERE = Path(__file__).parent
 NO_COMMIT, CHANGED, SOME_ROWS = "names no commit", "changes were not committed", "some rows name no commit"
 SEVERAL, NO_HASHES = "rows of several commits", "has no hashes of what it is about"
+ABSENT = "its commit is not in this history"
 EXPLAINED = {
     NO_COMMIT: "made before results named their commit",
     CHANGED: "made, or some of their rows, by a commit with changes that were not committed",
     SOME_ROWS: "some of their rows name no commit",
+    ABSENT: "their commit, or that of some of their rows, is not in the history as it is today",
     SEVERAL: "their rows are of several commits, which they name",
     NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
 }
@@ -34,6 +39,7 @@ KNOWN = {
         *("bounds", "laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
         *("real_board", "worlds", "worlds-procedural", "worlds-real"),
     },
+    ABSENT: {"collection-parts", "drawing", "frames-speed", "opening", "real_camera", "streaming"},
     SEVERAL: {"table1", "world-gates"},
     NO_HASHES: {"mechanism-ablations", "mechanisms", "shortcuts"},
 }
@@ -76,19 +82,33 @@ def part() -> str:
 
 def faults() -> dict[str, str]:
     """What is not known of a result's making, by the file's name; those of which all is known are left out."""
-    found = {}
+    found, history = {}, _history()
     for file in sorted(tables.RESULTS.rglob("*.json")):
-        if why := _fault(json.loads(file.read_text(encoding="utf-8"))):
+        if why := _fault(json.loads(file.read_text(encoding="utf-8")), history):
             found[file.relative_to(tables.RESULTS).with_suffix("").as_posix()] = why
     return found
 
 
-def _fault(told: dict[str, Any]) -> str | None:
+def _history() -> set[str] | None:
+    """All commits that led to this one; None where a clone has only the latest."""
+    if _git("rev-parse", "--is-shallow-repository") != "false":
+        return None
+    return set(_git("rev-list", "HEAD").split())
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=HERE, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
     commit, rows, made = told.get("commit"), told.get("rows"), told.get("made", {})
     if commit is None:
         return NO_COMMIT
     if any(str(one).endswith("-dirty") for one in (commit, *(part["commit"] for part in made.values()))):
         return CHANGED
+    if history is not None and not {one for one, _ in _commits(told)} - {None} <= history:
+        return ABSENT
     rows = rows if isinstance(rows, dict) else {}
     told_of = {name: list(_commits(row)) for name, row in rows.items()}
     trained = {commit for found in told_of.values() for commit, training in found if training}

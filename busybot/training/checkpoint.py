@@ -133,12 +133,15 @@ def initialise(network: nn.Module, generator: torch.Generator, biases: bool = Fa
 
     Args:
         biases: draw them, too, from the same distribution, as torch does.
-        normal: draw the weights of convolutions from Kaiming's normal distribution, of variance 2 / fan_in.
+        normal: draw the weights of convolutions from Kaiming's normal distribution, of variance 2 / fan_in, and those
+            of linear layers from Xavier's, of variance 2 / (fan_in + fan_out).
     """
     for module in network.modules():
         if isinstance(module, nn.Conv2d | nn.Linear):
             if normal and isinstance(module, nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, nonlinearity="relu", generator=generator)
+            elif normal:
+                nn.init.xavier_normal_(module.weight, generator=generator)
             else:
                 nn.init.kaiming_uniform_(module.weight, a=5**0.5, generator=generator)
             if module.bias is not None and biases:

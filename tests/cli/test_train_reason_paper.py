@@ -46,9 +46,9 @@ def test_it_reads_the_papers_features_and_says_what_to_do_where_their_weights_ca
 
 
 @pytest.mark.long
-def test_its_authors_frames_and_rolls_are_options_and_every_features_can_be_judged(tmp_path: Path) -> None:
+def test_its_authors_frames_and_steps_are_options_and_every_features_can_be_judged(tmp_path: Path) -> None:
     data, out = make_dataset(tmp_path / "toys").path, tmp_path / "run"
-    options = ("--encoder", "random-centre", "--set", "observed=[2, 3]", "--set", "roll=2")
+    options = ("--encoder", "random-centre", "--set", "observed=[2, 3]", "--set", "steps=2")
     result = CliRunner().invoke(app, words_for(data, out, *options, *SETTINGS))
     assert result.exit_code == 0, result.stderr
     judged = CliRunner().invoke(app, ["eval", "reason", str(data), "--reasoner", str(out), "--images", "3", "--json"])

@@ -349,6 +349,7 @@ def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
 def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = {provenance.NO_COMMIT: {"old"}, provenance.SOME_ROWS: {"some"}, provenance.NO_HASHES: {"bare"}}
     monkeypatch.setattr(provenance, "KNOWN", known)
+    monkeypatch.setattr(provenance, "_history", lambda: {"a0", "a1", "a2"})
     data = {"hashes": {"data": {"a": "ab" * 32}}}
     put(results, "old", "table1", commit=None)
     put(results, "some", "table1", commit="a1", rows={"first": {"config": {"commit": "a0"}}, "other": {}})
@@ -360,6 +361,9 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
     assert "from their seeds (1): `bare`" in told and "new" not in told and "timed" not in told
     put(results, "changed", "s3", commit="a1-dirty")
     with pytest.raises(BusybotError, match="changed: changes were not committed"):
+        provenance.part()
+    put(results, "changed", "s3", commit="b1")
+    with pytest.raises(BusybotError, match="changed: its commit is not in this history"):
         provenance.part()
     put(results, "changed", "s3", commit="a1")
     made = {"first": {"commit": "a1"}, "other/part": {"commit": "a2"}}

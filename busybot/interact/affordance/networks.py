@@ -218,7 +218,7 @@ Size = tuple[int, int]
 
 
 class PaperPositionNet(nn.Module):
-    """A U-Net of 4 down and 4 up blocks; 2.00 M parameters.
+    """A U-Net of 4 down and 4 up blocks; 1.99 M parameters.
 
     Shapes:
         input: (B, C, H, W); C is 4 (depth and normals) or 3 (colours).
@@ -229,7 +229,7 @@ class PaperPositionNet(nn.Module):
     def __init__(self, channels: int):
         super().__init__()
         levels = (STEM_WIDTH, *DOWN_WIDTHS)
-        self.stem = _double(channels, STEM_WIDTH)
+        self.stem = _block(channels, STEM_WIDTH)
         self.down = nn.ModuleList(_double(a, b) for a, b in pairwise(levels))
         *widths, classes = UP_WIDTHS
         below, beside = pairwise((DOWN_WIDTHS[-1], *widths, STEM_WIDTH)), levels[-2::-1]

@@ -77,7 +77,8 @@ class PaperAffordanceLearner(Learner):
         self.config, self.seed, self._rate = config.learn(kind), seed, partial(config.rate, kind)
         self.network = make_paper_network(kind, config.inputs, size)
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
-        initialise(self.network, torch.Generator().manual_seed(int(draws.integers(2**63))), biases=True, normal=True)
+        first = torch.Generator().manual_seed(int(draws.integers(2**63)))
+        initialise(self.network, first, biases=kind == "position", normal=kind == "direction")
         self.network.to(device(), memory_format=layout(device()))  # type: ignore[call-overload]  # torch's stubs lack it
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate, betas=BETAS)
         self.epoch = self.done = 0

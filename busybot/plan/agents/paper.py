@@ -7,8 +7,8 @@
 - `busybot`: the same, among the candidates on triggers that control a responder that differs.
 
 All but `noop` and `relation` end when everything looks as in the goal. Candidates are those of the recording of the
-history: one per region of affordance. A departure: both directions of a candidate's best pair are choices, because the
-agent executes both anyway, and which comes first decides where a lever in the middle goes.
+history: one per region of affordance. Both directions of a candidate's best pair are choices, as its authors have it:
+both are executed anyway, and which comes first decides where a lever in the middle goes.
 """
 
 import numpy as np

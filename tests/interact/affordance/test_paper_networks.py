@@ -42,12 +42,12 @@ def test_the_position_network_is_a_u_net_of_four_blocks_down_and_four_up() -> No
         (32, 32),
     ]
     assert convolutions(network.up) == [*up, last]
-    assert parameters_of(network) == 1_994_946
+    assert parameters_of(network) == 1_985_666
 
 
-def test_as_the_authors_have_it_two_convolutions_come_first_and_one_of_1_by_1_last() -> None:
+def test_as_the_authors_have_it_a_convolution_comes_first_and_one_of_1_by_1_last() -> None:
     network = PaperPositionNet(4)
-    assert convolutions(network.stem) == [(4, 32), (32, 32)]
+    assert convolutions(nn.Sequential(network.stem)) == [(4, 32)]
     head = network.up[-1][-1]  # type: ignore[index]
     assert (head.kernel_size, head.in_channels, head.out_channels) == ((1, 1), 32, 2)
     every = [module for module in network.modules() if isinstance(module, nn.Conv2d)]
@@ -88,10 +88,10 @@ def test_both_see_depth_and_normals_or_colours(inputs: Inputs, channels: int) ->
         assert direction(torch.empty(2, channels + 1, 120, 160)).shape == (2, 18)
 
 
-def test_initial_weights_are_kaimings_normal_and_normalisation_begins_at_1_and_0() -> None:
+def test_initial_weights_of_the_direction_network_are_kaimings_and_xaviers_normal() -> None:
     first, second = (make_paper_network("direction", "depth", (120, 160)) for _ in range(2))
     for network in (first, second):
-        initialise(network, torch.Generator().manual_seed(1), biases=True, normal=True)
+        initialise(network, torch.Generator().manual_seed(1), normal=True)
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
     for module in first.modules():
         if isinstance(module, nn.Conv2d):
@@ -100,9 +100,9 @@ def test_initial_weights_are_kaimings_normal_and_normalisation_begins_at_1_and_0
             assert module.weight.abs().max() > (6 / inputs) ** 0.5  # no uniform distribution of that width
         elif isinstance(module, nn.BatchNorm2d):
             assert (module.weight == 1).all() and not module.bias.any()
-        elif isinstance(module, nn.Linear):  # as torch has them
-            for value in module.parameters():
-                assert 0 < value.abs().max() <= module.in_features**-0.5
+        elif isinstance(module, nn.Linear):
+            both = module.in_features + module.out_features
+            assert module.weight.std().item() == pytest.approx((2 / both) ** 0.5, rel=0.1) and not module.bias.any()
 
 
 def test_the_picture_is_depth_and_normals() -> None:

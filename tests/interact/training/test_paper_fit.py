@@ -98,8 +98,11 @@ def test_an_epoch_has_its_learning_rate(samples: Samples, tmp_path: Path) -> Non
 
 @pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
-def test_both_networks_learn_with_normalisation_and_kaimings_draw(kind: Kind, samples: Samples, tmp_path: Path) -> None:
+def test_both_networks_learn_from_their_first_weights(kind: Kind, samples: Samples, tmp_path: Path) -> None:
     learner = learner_for(kind, tmp_path, batch=4)
+    for module in learner.network.modules():
+        if isinstance(module, torch.nn.BatchNorm2d):
+            module.momentum = 0.3  # with 0.1 an eighth of what it begins with is left after so few iterations
     losses = [learner.learn(samples, generator(0, "", 0, "test")) for _ in range(20)]  # one batch again and again
     assert np.mean(losses[-5:]) < 0.7 * np.mean(losses[:5])
     learner.network.eval()  # what is learnt does not hang on the batch's own means

@@ -95,13 +95,13 @@ class PaperReasonConfig(FrozenModel):
         images: the graph is inferred from so many first frames; the steps after the last of them are predicted.
         observed: in training it is inferred from one of these numbers of frames, drawn for each iteration; none for
             `images` in all of them. The authors' program has 22 and 23.
-        roll: in training so many steps are predicted, each from the prediction before it; 0 for all, each from its true
-            frame, as the text's loss has it. The authors' program has 6.
+        steps: in training so many steps after these frames are predicted, each from its true frame; 0 for all that were
+            recorded. The authors' program has 6.
         epochs: times that every board is seen.
         batch: boards per iteration.
         learning_rate: of Adam.
         explosion: an iteration's loss must be below so many times that of the last iteration that was not left out.
-        prior: share of pairs expected to be related; the authors' is a half.
+        prior: share of pairs expected to be related.
         prior_weight: of the edges' divergence from that prior, beside the mean squared error; 0 in the paper.
         bfloat16: multiply matrices in bfloat16 on a CPU, too; GPUs that can do so anyway.
     """
@@ -112,7 +112,7 @@ class PaperReasonConfig(FrozenModel):
     inference: bool = True
     images: Images = 23
     observed: tuple[Images, ...] = ()
-    roll: Annotated[int, Field(ge=0, le=10_000)] = 0
+    steps: Annotated[int, Field(ge=0, le=10_000)] = 0
     epochs: Annotated[int, Field(ge=1, le=1_000_000)] = 200
     batch: Annotated[int, Field(ge=2, le=65_536)] = 64
     learning_rate: Annotated[float, Field(gt=0)] = 5e-4

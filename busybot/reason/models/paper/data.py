@@ -79,12 +79,6 @@ class Frames:
         actors[:, -1] = -1
         return Frames(self.states[:, :frames], self.actions[:, :frames], actors)
 
-    def one(self, number: int, features: Tensor) -> "Frames":
-        """One frame as it is believed to be: with features (M, 1, 256) in place of its own."""
-        at = slice(number, number + 1)
-        states = torch.cat([features, self.states[:, at, features.shape[-1] :]], -1)
-        return Frames(states, self.actions[:, at], self.actors[:, at])
-
 
 @dataclass(frozen=True)
 class Boards:

@@ -1,8 +1,8 @@
 """Trains the `paper` model: one iteration, the schedule of all, and judgements (paper section 4.2, appendix A.1).
 
 Inference and dynamics networks are trained together on the mean squared error of the features after each of the steps
-that follow the observed frames; every step starts from its true features, or, as an option, from those predicted before
-(`roll`). Adam; an iteration whose loss explodes is left out.
+that follow the observed frames; every step starts from its true features. Adam; an iteration whose loss explodes is
+left out.
 
 What the paper leaves open, and what is chosen here:
 
@@ -90,7 +90,7 @@ def iterate(
         exponential = torch.empty(boards.edge_index.shape[1], 2).exponential_()
         noise = -exponential.log().to(boards.features)
         images = int(rng.choice(config.observed)) if config.observed else config.images
-        error, divergence = losses(network, boards, config, noise, images, config.roll)
+        error, divergence = losses(network, boards, config, noise, images, config.steps or None)
     loss = error + config.prior_weight * divergence
     taken = bool(loss < config.explosion * last)  # False for what is not a number, too
     if taken:
@@ -104,12 +104,12 @@ def losses(
     config: PaperReasonConfig,
     noise: Tensor | None = None,
     images: int | None = None,
-    roll: int = 0,
+    steps: int | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Mean squared error of the responders' features, and the edges' divergence from the prior.
 
     Args:
-        noise, roll: as of `PaperNetwork`.
+        noise, steps: as of `PaperNetwork`.
         images: frames from which the graph is inferred; None for those of the configuration.
     """
     if not boards.steps:
@@ -117,8 +117,8 @@ def losses(
     images = min(images or config.images, boards.steps)
     on = boards.features.device
     with torch.autocast(on.type, torch.bfloat16) if config.bfloat16 else mixed(on):
-        predicted, relations = network(boards, images, noise, roll)
-    after = boards.predicted(images, roll or None)[1]
+        predicted, relations = network(boards, images, noise, steps)
+    after = boards.predicted(images, steps)[1]
     error = functional.mse_loss(predicted[boards.responders].to(after), after[boards.responders])
     return error, divergence_from(relations, config.prior) if relations else torch.zeros_like(error)
 

@@ -28,9 +28,8 @@ convolution over time, the recurrent network and the last graph network are thos
 Every network computes its edge functions in one of two forms that give the same numbers (`parts.EdgeFunction`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 import torch
@@ -94,17 +93,16 @@ class PaperNetwork(nn.Module):
         factor(self, factored)
 
     def forward(
-        self, boards: Boards, images: int, noise: Tensor | None = None, roll: int = 0
+        self, boards: Boards, images: int, noise: Tensor | None = None, steps: int | None = None
     ) -> tuple[Tensor, Relations]:
-        """Infer the graph from the first `images` frames and predict each of the following steps, (M, S, 256).
+        """Infer the graph from the first `images` frames and predict each of the following steps from its true frame,
+        (M, S, 256).
 
         Args:
-            roll: predict so many steps one from another; 0 for all, each from its true frame.
+            steps: at most so many; None for all.
         """
         relations = self.infer(boards.edge_index, boards.observed(images), noise)
-        return predict_steps(
-            partial(self.predict, boards.edge_index, relations=relations), boards, images, roll
-        ), relations
+        return self.predict(boards.edge_index, boards.predicted(images, steps)[0], relations), relations
 
     def infer(self, edge_index: Tensor, frames: Frames, noise: Tensor | None = None) -> Relations:
         """Relations from observed frames.
@@ -154,10 +152,11 @@ class PaperHistoryNetwork(nn.Module):
         self.decode = GraphNet(config, wide, wide, CHANNELS, 0)
         factor(self, factored)
 
-    def forward(self, boards: Boards, images: int, noise: Tensor | None = None, roll: int = 0) -> tuple[Tensor, None]:
+    def forward(
+        self, boards: Boards, images: int, noise: Tensor | None = None, steps: int | None = None
+    ) -> tuple[Tensor, None]:
         """Predict each of the steps that follow the first `images` frames, (M, S, 256); there is no graph."""
-        foresee = partial(self.foresee, boards.edge_index, boards.observed(images))
-        return predict_steps(foresee, boards, images, roll), None
+        return self.foresee(boards.edge_index, boards.observed(images), boards.predicted(images, steps)[0]), None
 
     def foresee(self, edge_index: Tensor, observed: Frames, frames: Frames) -> Tensor:
         """Features after each frame's action, (M, S, 256), every frame on its own."""
@@ -174,24 +173,6 @@ class PaperHistoryNetwork(nn.Module):
             after.append(self.decode(edge_index, self.node_recurrent(node), self.edge_recurrent(edge))[0])
         predicted = torch.cat(after, 1)
         return predicted + frames.states[..., :CHANNELS] if self.config.residual else predicted
-
-
-def predict_steps(foresee: Callable[[Frames], Tensor], boards: Boards, images: int, roll: int) -> Tensor:
-    """Features of all nodes after each step that follows the first `images` frames, (M, S, 256).
-
-    Args:
-        foresee: gives them for frames whose states are known.
-        roll: of so many steps, of which each begins with what was predicted by the one before: a responder's features,
-            nothing else changes. 0 for all steps, each from its true frame.
-    """
-    if not roll:
-        return foresee(boards.predicted(images)[0])
-    frames, _ = boards.predicted(images, roll)
-    features, after = frames.states[:, :1, :CHANNELS], []
-    for step in range(frames.states.shape[1]):
-        after.append(foresee(frames.one(step, features)))
-        features = torch.where(boards.responders[:, None, None], after[-1].to(features), features)
-    return torch.cat(after, 1)
 
 
 def drawn(logits: Tensor, noise: Tensor | None, temperature: float) -> Tensor:

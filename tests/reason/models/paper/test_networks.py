@@ -7,8 +7,8 @@ from torch import Tensor, nn
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
-from busybot.reason.models.paper.data import Boards, Frames, boards_of
-from busybot.reason.models.paper.networks import PaperHistoryNetwork, PaperNetwork, Relations, drawn
+from busybot.reason.models.paper.data import Boards, boards_of
+from busybot.reason.models.paper.networks import PaperNetwork, Relations, drawn
 from busybot.reason.models.paper.parts import GraphNet, Nothing
 from tests.reason.paper_scenes import SMALL, watched
 
@@ -199,30 +199,6 @@ def test_a_step_is_predicted_from_its_own_frame_action_and_the_graph() -> None:
     frames.actions[:, 3] += 1
     changed = (network.predict(boards.edge_index, frames, graph) - before).abs().amax((0, 2))
     assert changed[2] > 0 and changed[3] > 0 and not changed[[0, 1, 4]].any()
-
-
-def foreseen(network: PaperNetwork | PaperHistoryNetwork, boards: Boards, one: Frames) -> torch.Tensor:
-    """After four observed frames."""
-    observed = boards.observed(4)
-    if isinstance(network, PaperHistoryNetwork):
-        return network.foresee(boards.edge_index, observed, one)
-    return network.predict(boards.edge_index, one, network.infer(boards.edge_index, observed))
-
-
-@pytest.mark.parametrize("kind", [PaperNetwork, PaperHistoryNetwork])
-def test_rolled_out_each_step_begins_with_what_the_one_before_predicted(kind: type) -> None:
-    network, boards = kind(SMALL).eval(), boards_of([watched(steps=8)], SMALL)
-    rolled, _ = network(boards, 4, None, 3)
-    frames, _ = boards.predicted(4, 3)
-    known = boards.features[:, 3:4]
-    for step in range(3):
-        states = torch.cat([known, boards.positions[:, None]], -1)
-        one = Frames(states, frames.actions[:, step : step + 1], frames.actors[:, step : step + 1])
-        after = foreseen(network, boards, one)
-        torch.testing.assert_close(rolled[:, step : step + 1], after)
-        known = torch.where(boards.responders[:, None, None], after, known)
-    torch.testing.assert_close(rolled[:, :1], network(boards, 4)[0][:, :1])  # the first one from its true frame
-    assert network(boards, 4, None, 30)[0].shape[1] == 5  # no more than were recorded
 
 
 def test_no_message_passes_where_there_is_no_relation() -> None:

@@ -49,7 +49,7 @@ def test_the_defaults_are_the_papers() -> None:
     assert (PAPER.network.objects, PAPER.network.pairs, PAPER.network.embedding) == (10, "all", 128)
     assert (PAPER.network.edge_embedding, PAPER.network.edge_layers, PAPER.network.node_layers) == (32, 4, 2)
     assert not PAPER.network.residual and PAPER.prior_weight == 0 and not PAPER.bfloat16
-    assert (PAPER.encoder, PAPER.observed, PAPER.roll, PAPER.prior) == ("resnet50", (), 0, 0.5)
+    assert (PAPER.encoder, PAPER.observed, PAPER.steps, PAPER.prior) == ("resnet50", (), 0, 0.5)
     optimizer = make_optimizer(PaperNetwork(SMALL), PAPER)
     assert type(optimizer) is torch.optim.Adam
     assert {key: optimizer.defaults[key] for key in ("lr", "betas", "weight_decay")} == {
@@ -128,14 +128,16 @@ def test_as_an_option_the_graph_is_inferred_from_one_of_several_numbers_of_frame
     assert seen == {4, 5}
 
 
-def test_as_an_option_steps_are_predicted_one_from_another() -> None:
+def test_as_an_option_only_the_next_steps_are_predicted() -> None:
     network, joined = make_network(QUICK, 0).eval(), boards()
-    error, _ = losses(network, joined, QUICK, images=4, roll=3)
+    error, _ = losses(network, joined, QUICK, images=4, steps=3)
     predicted = network(joined, 4, None, 3)[0]
     assert predicted.shape[1] == 3
+    torch.testing.assert_close(predicted, network(joined, 4)[0][:, :3])
+    assert network(joined, 4, None, 99)[0].shape == network(joined, 4)[0].shape, "no more than were recorded"
     expected = (predicted - joined.features[:, 4:7])[joined.responders].square().mean()
     assert error.item() == pytest.approx(expected.item())
-    outcomes = [step(make_network(config, 0), config) for config in (QUICK, QUICK.model_copy(update={"roll": 3}))]
+    outcomes = [step(make_network(config, 0), config) for config in (QUICK, QUICK.model_copy(update={"steps": 3}))]
     assert outcomes[1].taken and outcomes[0].error != outcomes[1].error
 
 

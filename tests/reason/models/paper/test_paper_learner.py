@@ -107,7 +107,7 @@ def test_a_saved_model_is_loaded_again(tmp_path: Path, inference: bool, kind: ty
     config = CONFIG.model_copy(update={"inference": inference})
     learner = PaperLearner(config, BOARDS, [], 0)
     learner.iterate(0)
-    former = config.model_dump(mode="json", exclude={"observed", "roll"})  # cards of former versions have none
+    former = config.model_dump(mode="json", exclude={"observed", "steps"})  # cards of former versions have none
     info = ReasonerInfo(model="paper", encoder="random", config=former)
     save_model(tmp_path / "model", info, learner.network.state_dict())
     reasoner = load_reasoner(tmp_path)

@@ -31,8 +31,15 @@ EXPLAINED = {
 }
 KNOWN = {
     NO_COMMIT: {
-        *("decision_time", "interact-procedural", "kills-collect", "kills-freeze-repair", "kills-train"),
-        *("laptop/metrics", "memory", "paper_interact", "plan-procedural", "policy_constants"),
+        *(
+            "decision_time",
+            "interact-procedural",
+            "laptop/metrics",
+            "memory",
+            "paper_interact",
+            "plan-procedural",
+            "policy_constants",
+        ),
         "reason_robustness",
     },
     CHANGED: {

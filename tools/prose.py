@@ -32,14 +32,14 @@ def holds(what: str, is_so: bool) -> None:
 def costs() -> str:
     """What a recorded interaction and a long process cost."""
     cost, soak = result("collection"), result("memory")
-    last, growth = soak["memory"][-1]["boards"], soak["growth_mb_over_second_half"]
+    last, taken = soak["memory"][-1]["boards"], [moment["rss_mb"] for moment in soak["memory"]]
     holds("no file stays open", soak["more_open_files_over_second_half"] == 0)
     return _filled(
         "A recorded interaction that moved a link (simulated, rendered, read back, encoded and written) costs "
         f"{cost['ratio_to_minimal_frame']:.2f} of one frame of `minimal` lit by a sun with shadows, as boards are "
         f"usually shown with it, and {cost['ratio_to_minimal_frame_without_shadows']:.2f} of one without shadows; our "
         "shaders draw none, only a soft darkening around objects. The simulator keeps the 64 objects used last loaded: "
-        f"memory grows by {growth} MB over the last {last // 2} of {last} boards, and no file stays open."
+        f"memory stays between {min(taken)} and {max(taken)} MB over {last} boards, and no file stays open."
     )
 
 

@@ -31,16 +31,8 @@ EXPLAINED = {
 }
 KNOWN = {
     NO_COMMIT: {
-        *(
-            "decision_time",
-            "interact-procedural",
-            "laptop/metrics",
-            "memory",
-            "paper_interact",
-            "plan-procedural",
-            "policy_constants",
-        ),
-        "reason_robustness",
+        *("decision_time", "interact-procedural", "laptop/metrics", "paper_interact", "plan-procedural"),
+        *("policy_constants", "reason_robustness"),
     },
     CHANGED: {
         *("bounds", "laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),

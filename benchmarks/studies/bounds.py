@@ -287,8 +287,9 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--only", help="`table` and names of worlds, separated by commas")
     options.add_argument("--seed", type=int, default=0)
     arguments = options.parse_args(words)
+    hashes = {"data": {"objects": find(arguments.assets).sha256}}
     for figures in measure(arguments):
-        finish(KIND, arguments, figures)
+        finish(KIND, arguments, figures, hashes=hashes)
 
 
 if __name__ == "__main__":

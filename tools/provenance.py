@@ -35,7 +35,7 @@ KNOWN = {
         *("policy_constants", "reason_robustness"),
     },
     CHANGED: {
-        *("bounds", "laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
+        *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
         *("real_board", "worlds", "worlds-procedural", "worlds-real"),
     },
     ABSENT: {"collection-parts", "drawing", "frames-speed", "opening", "real_camera", "streaming"},

@@ -1,4 +1,4 @@
-"""Parameters of drawing boards: every number of protocol "Boards" that the paper leaves open, with its default."""
+"""Parameters of drawing boards: every number that the paper leaves open, with its default."""
 
 import re
 from typing import Annotated, Any, Literal
@@ -35,7 +35,7 @@ WORLD_LINKS = (4, USUAL_LINKS)
 SCENE_GROUP = 2
 """Boards of a scene that differ in wiring alone: the orderly one and another."""
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
-"""Protocol "Planning": 50 tasks of a kind per split."""
+"""Tasks of a kind in a split, as in the paper (section 5.3)."""
 
 
 class BoardConfig(FrozenModel):
@@ -56,9 +56,9 @@ class BoardConfig(FrozenModel):
         plan: tasks of kind `reach` take at most so many actions.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
         max_objects: more are never placed.
-        boards: how many; 50 by default with tasks, 6 in worlds with objects of their own.
+        boards: how many; 50 by default with tasks, 6 in `real-board`.
         group_size: consecutive boards that share their appearance and differ in their relations (paper section 4.2);
-            1 by default with tasks, so that every task has its own board.
+            1 by default with tasks, so that every task has its own board (2 in scenes), 6 in `real-board`.
         uniform: draw every instance with the same probability instead of by the library's weights.
         include: keys of objects that stand on every board.
         only: keys of objects beside which no other ones of their categories are drawn.

@@ -1,4 +1,4 @@
-"""The 18 directions in which the gripper may move (paper section 4.1, protocol "Interaction").
+"""The 18 directions in which the gripper may move (paper section 4.1).
 
 All vectors of {-1, 0, 1}^3 with one or two non-zero entries, normalised: the 6 faces and 12 edges of a cube. Frame:
 the board's (x right, y up in the picture, z towards the camera). The order is that of numpy's C-order indices.

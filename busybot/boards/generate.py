@@ -1,4 +1,4 @@
-"""Procedural boards (paper section 3 and appendix "Board Generation"; protocol "Boards").
+"""Procedural boards (paper section 3 and appendix "Board Generation").
 
 Boards come in appearance groups: one draw of objects, places, colours and trigger states, then a different set of
 relations for each board. A group depends on (seed, split, group) alone, so any board can be made without the others.

@@ -1,4 +1,4 @@
-"""Draws which trigger controls which responder (paper section 3 "Relations", protocol "Boards").
+"""Draws which trigger controls which responder (paper section 3 "Relations").
 
 Every trigger link controls exactly one responder and no responder has two triggers. Multi-direction links drive
 multi-stage responders, two-state links single-stage ones.

@@ -1,4 +1,4 @@
-"""The specification of a board as plain data: JSON in, JSON out, no simulator (paper section 3, protocol "Boards").
+"""The specification of a board as plain data: JSON in, JSON out, no simulator (paper section 3).
 
 Units: board units (the board is 4 x 4), radians. Board frame: origin at the board's centre, x right and y up in the
 picture, z towards the camera.

@@ -1,4 +1,4 @@
-"""Goals of boards, and drawing them (paper section 5.3, protocol "Planning").
+"""Goals of boards, and drawing them (paper section 5.3).
 
 Relations decide which responders a task is about: those that some link controls, the *affectable* ones. Success is the
 share of them in their goal state; what the triggers look like does not count.
@@ -243,8 +243,7 @@ def with_task(board: BoardSpec, models: Sequence[ObjectModel], kind: Literal["on
 
     The rule: the goal state of every link is drawn evenly among its states, all links again until at least one
     affectable responder differs from the start and the goal takes at most `MAX_STEPS` steps. The paper does not tell
-    its rule. With this one an agent that does nothing finds 38 % of the responders of a one-to-one task and about 45 %
-    of a one-to-many task in their goal state, which are the protocol's numbers.
+    its rule. With this one an agent that does nothing finds some four of ten responders in their goal state (Table 3).
 
     Args:
         models: of the board's objects, in order.

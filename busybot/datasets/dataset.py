@@ -8,7 +8,7 @@ boards/boards-00000.jsonl         one board per line, 1,000 a file
 episodes/000000.mcap              one file per board, there whole or not at all
 tables/{episodes,steps,objects}/part-00000.parquet      500 episodes a file, derived from the episodes
 manifest.json, README.md          of a frozen dataset (`freeze`): every file with its hash, and a card
-objects/                          of a frozen dataset, where their licence allows: the objects on its boards
+objects/                          of a frozen dataset, where their licence allows: those its boards were drawn from
 damaged/                          originals of the files that `repair` replaced
 """
 

@@ -39,7 +39,7 @@ class AssetsInfo(FrozenModel):
     Attributes:
         source: `procedural`, or `folder` for objects that the user named; never a path.
         name: of the library.
-        seed: of a procedural library.
+        seed: of a procedural library, in files of earlier versions.
         sha256: object key to the hash over the object's files.
     """
 

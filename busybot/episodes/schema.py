@@ -3,7 +3,7 @@
 The version is the schema's own. Same major version: an older reader may ignore new columns and messages. Values that a
 recording cannot know (a real board has no joints, perhaps no depth) are null.
 
-Columns marked privileged hold what the protocol ("Who may read what") keeps from learners: they select with
+Columns marked privileged hold what is kept from learners: they select with
 `public_columns`. The MCAP files are the source, tables can always be made again from them.
 """
 

@@ -1,4 +1,4 @@
-"""Measure an interaction policy on a dataset's boards (protocol "Interaction", Table 1).
+"""Measure an interaction policy on a dataset's boards (paper section 5.1, Table 1).
 
 The boards alone are needed: every evaluation acts on them anew, and judges the actions by the simulator's states. The
 result of a board depends on the board, the policy and the seed.
@@ -37,7 +37,7 @@ AnnotatedDirections = Mapping[str, Sequence[Sequence[float]]]
 SIMULATED = ("responders", "interaction", "render")
 """Parameters that decide how episodes come about."""
 OFF_AXIS_DEG = 30.0
-"""`off_axis_share` counts successes farther off, whatever angle a veto has (protocol "Interaction")."""
+"""`off_axis_share` counts successes farther off, whatever angle a veto has."""
 
 
 def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) -> m.JudgedBoard:
@@ -184,7 +184,7 @@ def make_work(evaluation: PolicyEvaluation) -> Callable[[int], m.JudgedBoard]:
 
 
 def summarise(boards: Sequence[m.JudgedBoard], seed: int, split: str = "") -> dict[str, Any]:
-    """All metrics of protocol "Interaction" over judged boards, JSON values; shares from 0 to 1."""
+    """All metrics over judged boards, JSON values; shares from 0 to 1."""
     rng = generator(seed, split, 0, "interact/bootstrap")
     return {
         **m.micro(boards),

@@ -1,4 +1,4 @@
-"""Metrics of an interaction policy (protocol "Interaction"): precision, recall, and causes of failures.
+"""Metrics of an interaction policy (paper section 5.1): precision, recall, and causes of failures.
 
 A success is a true change of a trigger's state caused by the action. Every proposed action counts, also when nothing
 was held. All values are shares from 0 to 1; what is not defined is None. Micro pools the actions or links of all

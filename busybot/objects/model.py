@@ -6,7 +6,7 @@ types; `partnet` reads them defensively, `library` keeps many of them, `procedur
 Units are board units (the board is 4 x 4), angles radians, quaternions (w, x, y, z). Frames: *object* is the URDF's,
 *upright* is after the annotated orientation and scale, z pointing to the camera.
 
-The catalogue's split is the authors' `Reason` split, which the protocol uses for all skills; repeated ids in their
+The catalogue's split is the authors' `Reason` split, which is used for all skills; repeated ids in their
 lists are the weights.
 """
 

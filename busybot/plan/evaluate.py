@@ -1,4 +1,4 @@
-"""Measure agents on a dataset of tasks with recorded histories (protocol "Planning", Table 3).
+"""Measure agents on a dataset of tasks with recorded histories (paper section 5.3, Table 3).
 
 The result of a task depends on the board, its history, the models and the seed. Processor times differ from run to run
 and stand apart, under `timing`.

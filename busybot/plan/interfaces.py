@@ -1,7 +1,7 @@
-"""The interface of an agent: its inputs and its answers (paper section 4.3, protocol "Planning").
+"""The interface of an agent: its inputs and its answers (paper section 4.3).
 
 An agent gets a `TaskContext` before it starts and a `DecisionState` at every decision, and answers with an `Act` or a
-`Stop`. Nothing in them is the simulator's: no segmentation, no states, no relations (protocol "Who may read what").
+`Stop`. Nothing in them is the simulator's: no segmentation, no states, no relations.
 What an oracle is told beside has its own hook, `agents.oracle`. How to write an agent:
 `docs/extending/write-an-agent.md`.
 """

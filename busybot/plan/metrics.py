@@ -1,4 +1,4 @@
-"""Metrics of agents (protocol "Planning", Table 3), from judged rollouts; imports neither torch nor sapien.
+"""Metrics of agents (paper section 5.3, Table 3), from judged rollouts; imports neither torch nor sapien.
 
 Success is the share of the affectable responders that are in their goal state at the end: by the true state, and beside
 it by features, as the paper's authors judge it. Over tasks it is averaged (macro) and pooled (micro).

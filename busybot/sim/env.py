@@ -274,7 +274,7 @@ class ImageObservations(gymnasium.ObservationWrapper[np.ndarray, Any, Observatio
 
 
 class PolicyAgent:
-    """A policy, as `busybot collect` uses them, as an agent on one board of the environment.
+    """A policy that needs no more than the environment tells, as an agent on one board of it.
 
     It is given what any agent sees, and told what the gripper did (`executed`). Make one after each `reset`.
 

@@ -1,6 +1,6 @@
 """One action on a board: suction at a point, a direction and its opposite, until something changes.
 
-Paper section 4.1 and protocol "Interaction". The rules, in order:
+Paper section 4.1. The rules, in order:
 
 1. The gripper takes hold of whatever is visible at the chosen pixel. Only trigger links give way: anything else is a
    miss, which changes nothing and is not simulated.

@@ -12,7 +12,7 @@ its authors have it (docs/reference/departures.md), or else chosen here:
 - Order in a block: pooling (or interpolation) first, then the convolutions, as the text lists them. The U-Net goes from
   480 x 640 to 30 x 40 and back, and the direction network's last layer has 7 x 10 cells (480 / 64 = 7.5: odd sides lose
   a row).
-- Two convolutions at full resolution come before the first block down (the authors'): "U-Net" is all the text says.
+- One convolution at full resolution comes before the first block down (the authors'): "U-Net" is all the text says.
 - Every up block also gets what the network had at its resolution before.
 - The last up block has two convolutions as the others do, and its 2 channels come from a third one of 1 x 1 (the
   authors'). They are logits: after a ReLU a pixel with two negative ones would have affordance 1/2 and no gradient.

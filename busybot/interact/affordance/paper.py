@@ -106,9 +106,9 @@ CHUNK = 8
 
 
 def refuse_former(file: Path, tensors: dict[str, Tensor]) -> None:
-    """Refuse the weights of former versions, whose networks of this variant had no normalisation."""
-    if not any(name.endswith("running_mean") for name in tensors):
-        what = f"{file}: weights of the `paper` variant from before it had batch normalisation"
+    """Refuse weights of former versions: without normalisation, or with two convolutions at full resolution."""
+    if "stem.0.0.weight" in tensors or not any(name.endswith("running_mean") for name in tensors):
+        what = f"{file}: weights of the `paper` variant as its networks were before"
         raise BusybotError(what, "train the model again: `busybot train interact --variant paper`")
 
 

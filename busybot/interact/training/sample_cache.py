@@ -1,4 +1,4 @@
-"""From recorded steps to training samples, by whitelist (protocol "Who may read what").
+"""From recorded steps to training samples, by whitelist.
 
 A sample is one proposed action: what the camera saw around its pixel before it, the directions that were executed, the
 reward. Nothing else of an episode is read here: not segmentation or boxes, what the gripper held, states, relations.

@@ -4,7 +4,7 @@ The format is that of the BusyBot authors' PartNet-Mobility annotation. What the
 - `Orientation` is (x, y, z, w); boxes are in the upright frame before scaling.
 - `JointId` and `LinkId` count joints (or their child links) from 0, fixed ones included, depth first from the root,
   children in the document's order: the numbering of PyBullet.
-- A `joint` effect without `States` opens from the joint limit nearer to 0 to the other one.
+- A `joint` effect without `States` opens from the joint limit at which the object is flatter to the other one.
 - Colours have an alpha that means nothing.
 """
 

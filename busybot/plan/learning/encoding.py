@@ -36,7 +36,7 @@ from busybot.plan.interfaces import Contact, TaskContext
 from busybot.reason.inputs.sequence import CHANNELS
 
 OBJECTS = 10
-"""Most objects on a board (protocol "Boards")."""
+"""Most objects on a board (appendix A.1)."""
 CONTACTS = 12
 """Most candidates that are looked at, the most promising ones."""
 CHOICES = 1 + 2 * CONTACTS

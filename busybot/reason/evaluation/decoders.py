@@ -1,6 +1,6 @@
 """Judges of features: they read the states that one board's objects show, beside the true ones; for evaluators only.
 
-The primary judge (protocol "Reasoning", Pred-A) takes the nearest of the states that the same object showed on this
+The primary judge (Pred-A) takes the nearest of the states that the same object showed on this
 board. The other one uses decoders, trained on training boards only (the paper's authors pooled the test splits into the
 training of theirs): one linear classifier for each category, doors and toys by their state, lamps by their colour or
 off, because a lamp's state index means different colours on different lamps.

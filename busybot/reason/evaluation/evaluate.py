@@ -1,7 +1,7 @@
 """`busybot eval reason`: infer the graphs of a dataset's boards, predict what follows, compare both with the truth.
 
 The graph is inferred from the first 23 images, as in the paper; each later step is predicted from its true current
-features (protocol "Reasoning"). Models see what `observation` lets through; the truth is read here, after it.
+features. Models see what `observation` lets through; the truth is read here, after it.
 """
 
 import sys

@@ -70,7 +70,6 @@ class CauseTruth:
         mechanisms: of each object, None for triggers and for responders that nothing moves.
         read: of each mechanism the numbers of its inputs, in its order.
         lags: int (I, N), after how many actions an input shows at the earliest; -1 where it is no parent.
-        streams: names the luck of each object; responders that a hidden clock moves have one in common.
     """
 
     inputs: tuple[LinkRef, ...]
@@ -79,7 +78,6 @@ class CauseTruth:
     mechanisms: tuple[Mechanism | None, ...]
     read: tuple[tuple[int, ...], ...]
     lags: np.ndarray
-    streams: tuple[str, ...]
 
 
 def causes_of(board: BoardSpec, links: Links, action: int = 0) -> CauseTruth:
@@ -95,17 +93,16 @@ def causes_of(board: BoardSpec, links: Links, action: int = 0) -> CauseTruth:
     object_parents = np.zeros((count, count), bool)
     mechanisms: list[Mechanism | None] = [None] * count
     read: list[tuple[int, ...]] = [()] * count
-    streams = [""] * count
     for one in Dynamics(board, links).bound_at(action):
         # a responder's state is read as it was before the action
         late = [one.mechanism.lag + responder for _, responder in one.inputs]
         numbers = tuple(names.index((place, BODY)) if responder else place for place, responder in one.inputs)
-        mechanisms[one.responder], read[one.responder], streams[one.responder] = one.mechanism, numbers, one.stream
+        mechanisms[one.responder], read[one.responder] = one.mechanism, numbers
         for number, lag in zip(numbers, late, strict=True):
             link_parents[number, one.responder], lags[number, one.responder] = True, lag
             object_parents[names[number][0], one.responder] = True
     inputs = tuple(LinkRef(object=index, link=name) for index, name in names)
-    return CauseTruth(inputs, link_parents, object_parents, tuple(mechanisms), tuple(read), lags, tuple(streams))
+    return CauseTruth(inputs, link_parents, object_parents, tuple(mechanisms), tuple(read), lags)
 
 
 def trace_of(episode: Episode) -> tuple[np.ndarray, np.ndarray] | None:

@@ -1,4 +1,4 @@
-"""Metrics of inferred graphs and predictions (protocol "Reasoning"), and bounds on what could be known.
+"""Metrics of inferred graphs and predictions (docs/reference/measures.md), and bounds on what could be known.
 
 Pairs are trigger-responder pairs of objects on one board; links are collapsed. All values are shares from 0 to 1. What
 is not defined is None: nothing claimed has no precision, no relations have no recall.

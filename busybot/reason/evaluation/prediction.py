@@ -1,4 +1,4 @@
-"""The predicted steps of one board beside what happened (protocol "Reasoning", Pred-A); for evaluators only.
+"""The predicted steps of one board beside what happened (Pred-A); for evaluators only.
 
 For figures (`judge_prediction`) a graph is inferred from the first images, and each later step is predicted by itself,
 from its true current features.

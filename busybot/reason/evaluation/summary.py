@@ -1,4 +1,4 @@
-"""Judged boards to one result: all metrics of protocol "Reasoning" as JSON values, shares from 0 to 1."""
+"""Judged boards to one result: all metrics of relations and predictions as JSON values, shares from 0 to 1."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The observations of an episode that a reasoner may know, and nothing else (protocol "Who may read what").
+"""The observations of an episode that a reasoner may know, and nothing else.
 
 The one way from an `Episode` to any model of relations: a whitelist. Segmentation, later boxes, what the gripper truly
 held, joints, states, rewards, relations, object names and categories are not hidden here, they are not here.

@@ -1,7 +1,7 @@
 """One board as arrays for models of relations, and the states that an object showed on it, without labels.
 
 Features, positions and actions come from `ObservedEpisode` and the features of its pictures, so they hold nothing that
-a reasoner may not know (protocol "Who may read what"). Triggers have no features, as in the paper.
+a reasoner may not know. Triggers have no features, as in the paper.
 
 Frames in which an object looks alike form a cluster, a state. Two looks are alike when they lie nearer than a
 threshold, which is fixed once on training objects: between the distances of looks of one state (JPEG, a neighbour in

@@ -1,6 +1,6 @@
 """Graphs from which objects changed in which steps, without training: counting, and the competitor PC.
 
-Counting (protocol "Reasoning", row "counting"), the simplest reasoner: responder j depends on trigger i when j changes
+Counting, the simplest reasoner: responder j depends on trigger i when j changes
 in the steps that acted on i and not in the others. For each responder the hypotheses are
 "no trigger" and "trigger i" for every i, at most one trigger per responder as on the paper's boards. Under "trigger i"
 the responder changes at one unknown rate in the steps that acted on i and at another, the noise rate, in all others;

@@ -1,4 +1,4 @@
-"""The reasoners without training (protocol "Reasoning"): `lookup`, and `persistence`, for which nothing ever changes.
+"""The reasoners without training: `lookup`, and `persistence`, for which nothing ever changes.
 
 `lookup` asks what happened when something close by was touched before. The graph is counted from the steps in which
 features changed. To predict a step, the nearest past contact on the same trigger that changed something names the

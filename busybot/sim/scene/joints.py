@@ -1,6 +1,6 @@
 """The two kinds of things that change on a board: trigger joints with detents, and responders with effects.
 
-States (protocol "Boards"): a two-state link is in state 0 below half of its range, else 1; a multi-direction link is in
+States: a two-state link is in state 0 below half of its range, else 1; a multi-direction link is in
 state 0 below a quarter, 2 above three quarters, else 1. At rest a joint sits in the detent of its state: at an end, or
 in the middle.
 """

@@ -97,7 +97,7 @@ REAL = {
     "depth_holes": 0.01,
     "jpeg": 80,
 }
-"""Strengths of `--camera real`, as after worlds.md ("What the camera sees")."""
+"""Strengths of `--camera real`, see docs/guides/camera.md."""
 
 Draw = Callable[[str], np.random.Generator]
 """The generator of one term of one board, for a frame (its number) or for what lasts longer (`track...`)."""

@@ -15,7 +15,7 @@ MEASURED = (
     "Measured: over all boards with half the width of the 95 % interval over boards, or the mean of several seeds with "
     "the extremes. A gate is for every seed. The bound is what the recordings determine at all."
 )
-BOUNDED = "Reached only because the recordings do not determine more (the protocol allows it):"
+BOUNDED = "Reached only because the recordings do not determine more (which counts as reached):"
 
 
 @dataclass(frozen=True)

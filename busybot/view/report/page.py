@@ -110,7 +110,7 @@ def difference(share: float, p: float) -> str:
 
 
 def reference(value: float) -> str:
-    """A percentage of the paper or of the protocol: one digit, two where it is below 1."""
+    """A percentage of the paper or of a gate: one digit, two where it is below 1."""
     return f"{value:g}" if value < 1 else number(value)
 
 

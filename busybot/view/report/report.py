@@ -1,6 +1,6 @@
 """The report: Tables 1 to 3 with plots, as Markdown and as one HTML file, from files of results.
 
-What is missing is shown as missing, and every gate of the protocol that is missed is named.
+What is missing is shown as missing, and every gate that is missed is named.
 """
 
 from collections.abc import Iterable, Sequence

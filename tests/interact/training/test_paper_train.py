@@ -14,6 +14,7 @@ from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.load import load_model
+from busybot.interact.affordance.networks import PaperPositionNet
 from busybot.interact.affordance.paper import PaperModel
 from busybot.interact.policy.config import AffordanceInfo, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, sigmoid
@@ -175,14 +176,20 @@ def test_pictures_of_another_size_are_refused(trained: Path) -> None:
 
 def test_weights_of_former_versions_are_refused(trained: Path, tmp_path: Path) -> None:
     shutil.copytree(trained / "model", tmp_path / "model")
-    network = nn.Sequential(nn.Conv2d(4, 32, 3), nn.ReLU())
+    network: nn.Module = nn.Sequential(nn.Conv2d(4, 32, 3), nn.ReLU())
     card = read_info(tmp_path / "model", AffordanceInfo)
     file = tmp_path / "model" / "position.safetensors"
     save_tensors(file, network.state_dict())
     write_info(tmp_path / "model", card, [file])
-    with pytest.raises(BusybotError, match=r"position\.safetensors: .*before it had batch normalisation") as caught:
+    with pytest.raises(BusybotError, match=r"position\.safetensors: .*as its networks were before") as caught:
         load_model(tmp_path)
     assert "train the model again" in str(caught.value)
+    network = PaperPositionNet(4)
+    network.stem = nn.Sequential(network.stem, nn.Conv2d(32, 32, 3))  # two convolutions at full resolution
+    save_tensors(file, network.state_dict())
+    write_info(tmp_path / "model", card, [file])
+    with pytest.raises(BusybotError, match="as its networks were before"):
+        load_model(tmp_path)
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

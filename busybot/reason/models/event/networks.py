@@ -1,6 +1,6 @@
 """The `event` model: which trigger controls which responder, and what a contact does to it.
 
-Two stages (protocol "Why the paper falls short"): does responder j change with this contact, and if so, to what. The
+Two stages: does responder j change with this contact, and if so, to what. The
 answer to the second is a look that j has had before, or something new: past changes are repeated or undone. All that
 the networks read stands in `data`.
 

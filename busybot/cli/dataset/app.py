@@ -272,7 +272,7 @@ def import_(
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Make a dataset of recordings that nobody here simulated: a camera's folder, events of AI2-THOR, a LeRobot dataset,
+    """Make a dataset of recordings that nobody here simulated: a camera's folder, events of AI2-THOR, a LeRobot dataset
     or what `export` wrote as images, Parquet, Hugging Face or Croissant.
 
     A camera's folder has pictures or a video, and actions.csv (docs/guides/own-recordings.md). What it does not hold is

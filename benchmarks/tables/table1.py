@@ -62,7 +62,7 @@ REAL_CAMERA = runner.settings(*(f"render.camera.{term}={strength}" for term, str
 
 ROWS = {
     **{f"free-{seed}": Table1Row(seed=seed) for seed in range(5)},
-    **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(5)},
+    **{f"strict-{seed}": Table1Row(STRICT, seed, STRICT) for seed in range(3)},
     "oracle": Table1Row(JOINTS, judge=JOINTS),
     "rgb": Table1Row(runner.settings("inputs=rgb")),
     "greedy": Table1Row(None, judge=("--mode", "greedy"), model="free-0"),

@@ -2,8 +2,8 @@
 
 At every decision, for every responder that does not look as in the goal:
 
-1. The contacts whose nearest effective experience changed this responder are taken for its link (the nearest is the
-   right link in 98.6 % of the cases).
+1. The contacts whose nearest effective experience changed this responder are taken for its link (the nearest is
+   nearly always of the right link).
 2. A contact and a direction that did something to this look before will do it again: the same look means the same
    state of the link, so the same pull has the same effect. Of what was never done, the reasoner says what follows.
 3. The looks that follow are rated by how many steps lead from them to the look of the goal, over the changes that were

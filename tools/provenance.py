@@ -8,13 +8,13 @@ others; it may only become shorter.
 
 import json
 import re
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from benchmarks.runner import within
 from busybot.common.errors import BusybotError
+from busybot.evaluation.results import git
 from tools import tables
 
 HERE = Path(__file__).parent
@@ -85,19 +85,14 @@ def faults() -> dict[str, str]:
     for file in sorted(tables.RESULTS.rglob("*.json")):
         if why := _fault(json.loads(file.read_text(encoding="utf-8")), history):
             found[file.relative_to(tables.RESULTS).with_suffix("").as_posix()] = why
-    return found
+    absent = dict.fromkeys(KNOWN.get(ABSENT, ()), ABSENT) if history is None else {}  # nobody can tell: as it was told
+    return absent | found
 
 
 def _history() -> set[str] | None:
-    """All commits that led to this one; None where a clone has only the latest."""
-    if _git("rev-parse", "--is-shallow-repository") != "false":
-        return None
-    return set(_git("rev-list", "HEAD").split())
-
-
-def _git(*words: str) -> str:
-    done = subprocess.run(["git", *words], cwd=HERE, capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    """All commits that led to this one; None where git does not know them all, as in a shallow clone."""
+    whole = git(HERE, "rev-parse", "--is-shallow-repository") == "false"
+    return set((git(HERE, "rev-list", "HEAD") or "").split()) if whole else None
 
 
 def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:

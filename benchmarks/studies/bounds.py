@@ -264,12 +264,11 @@ def world_rows(world: str, library: Library, counts: dict[str, int], seed: int) 
     return found
 
 
-def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def measure(arguments: argparse.Namespace, library: Library) -> Iterator[dict[str, Any]]:
     """The whole result, after each of its rows; those that are not asked for are kept from an earlier one."""
     known = (TABLE, *WORLDS)
     names = chosen(arguments.only, known) if arguments.only else known
     counts = {"random": arguments.boards, "greedy": arguments.greedy}
-    library = find(arguments.assets)
     rows = told_rows(arguments.out, KIND)
     for name in names:
         if name == TABLE:
@@ -287,9 +286,9 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--only", help="`table` and names of worlds, separated by commas")
     options.add_argument("--seed", type=int, default=0)
     arguments = options.parse_args(words)
-    hashes = {"data": {"objects": find(arguments.assets).sha256}}
-    for figures in measure(arguments):
-        finish(KIND, arguments, figures, hashes=hashes)
+    library = find(arguments.assets)
+    for figures in measure(arguments, library):
+        finish(KIND, arguments, figures, hashes={"data": {"objects": library.sha256}})
 
 
 if __name__ == "__main__":

@@ -176,13 +176,14 @@ def commit(source: Path = SOURCE) -> str | None:
     one row after the other. None where the source is not tracked by git
     (an installed package may lie inside of somebody else's repository), and where git is not there or says nothing.
     """
-    tracked = _git(source, "ls-files", "--error-unmatch", "__init__.py")
-    head = _git(source, "rev-parse", "--verify", "HEAD") if tracked else None
-    differs = head and _git(source, "diff", "HEAD", "--name-only", "--", ":/", *MAY_DIFFER)
+    tracked = git(source, "ls-files", "--error-unmatch", "__init__.py")
+    head = git(source, "rev-parse", "--verify", "HEAD") if tracked else None
+    differs = head and git(source, "diff", "HEAD", "--name-only", "--", ":/", *MAY_DIFFER)
     return f"{head}-dirty" if differs else head
 
 
-def _git(folder: Path, *arguments: str) -> str | None:
+def git(folder: Path, *arguments: str) -> str | None:
+    """What git answers there; None where it is not there, fails or says nothing."""
     environment = os.environ | {"GIT_OPTIONAL_LOCKS": "0"}
     try:
         done = subprocess.run(

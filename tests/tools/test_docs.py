@@ -347,6 +347,19 @@ def test_parts_of_collecting_stand_beside_their_limits(results: Path) -> None:
     assert "memory moves 15.0 GB a second" in speed_tables.collection_parts()
 
 
+@pytest.mark.parametrize("history", [{"a1"}, None])
+def test_a_commit_that_is_gone_is_told_also_where_nobody_can_tell(
+    history: set[str] | None, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A shallow clone says of it what the list says, or its pages would be others."""
+    monkeypatch.setattr(provenance, "KNOWN", {provenance.ABSENT: {"gone"}})
+    monkeypatch.setattr(provenance, "_history", lambda: history)
+    put(results, "gone", "s3", commit="b1")
+    put(results, "there", "s3", commit="a1")
+    told = provenance.part()
+    assert "history as it is today (1): `gone`" in told and "there" not in told
+
+
 def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = {provenance.NO_COMMIT: {"old"}, provenance.SOME_ROWS: {"some"}, provenance.NO_HASHES: {"bare"}}
     monkeypatch.setattr(provenance, "KNOWN", known)

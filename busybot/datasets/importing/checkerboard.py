@@ -131,18 +131,30 @@ def _matrix(
     if not error <= MOST_ERROR:
         what = f"{folder}: the corners lie {error:.1f} pixels from where a camera without distortion sees them"
         raise BusybotError(what, "undistort the pictures, hold the checkerboard still, and count its inner corners")
-    others = [size[0] * start for start in STARTS if abs(size[0] * start - focal) > OTHER * focal]
-    as_good = [it for it in others if _search(board, corners, size, it, fixed=True)[0] <= error * MOST_AS_GOOD]
     inside = 0 < matrix[0, 2] < size[0] and 0 < matrix[1, 2] < size[1]
-    if as_good or not inside or not 0 <= deviation <= MOST_SPREAD * focal:
-        told = (
-            f"{as_good[0]:.0f} pixels fit as well as {focal:.0f}"
-            if as_good
-            else f"{focal:.0f} ± {deviation:.0f} pixels"
-        )
-        what = f"{folder}: the pictures tell no focal length: {told}"
+    doubt = _as_good(board, corners, size, (error, focal))
+    if not (doubt or (inside and 0 <= deviation <= MOST_SPREAD * focal)):
+        doubt = f"{focal:.0f} ± {deviation:.0f} pixels"
+    if doubt:
+        what = f"{folder}: the pictures tell no focal length: {doubt}"
         raise BusybotError(what, "take pictures with the checkerboard held at several slants, not only turned")
     return error, matrix
+
+
+def _as_good(
+    board: Checkerboard, corners: Sequence[np.ndarray], size: tuple[int, int], found: tuple[float, float]
+) -> str | None:
+    """A quite other focal length that fits as well as the one found, for people; None if there is none.
+
+    Args:
+        found: error and focal length, pixels.
+    """
+    error, focal = found
+    for other in (size[0] * start for start in STARTS):
+        far = abs(other - focal) > OTHER * focal
+        if far and _search(board, corners, size, other, fixed=True)[0] <= error * MOST_AS_GOOD:
+            return f"{other:.0f} pixels fit as well as {focal:.0f}"
+    return None
 
 
 def _search(

@@ -21,7 +21,7 @@ from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
-BOARDS = 20
+BOARDS = 10
 
 
 @pytest.fixture(scope="module")

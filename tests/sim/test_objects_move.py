@@ -14,7 +14,7 @@ from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.thumbnails import lone_board
 
 FREE, STRICT = InteractionConfig(), InteractionConfig(strict=True)
-POINTS = {"procedural": 3}
+POINTS = {"procedural": 2}
 """Where each link is held, by library; there are many procedural objects, and measured rates of the real ones alone."""
 POINTS_OTHERWISE = 8
 CANNOT_MOVE: dict[str, str] = {}

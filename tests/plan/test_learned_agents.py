@@ -210,8 +210,8 @@ def test_no_more_boards_are_trained_on_than_asked_for() -> None:
 
 def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     library, out = find("procedural"), tmp_path / "out"
-    paper, gates = BoardConfig(boards=1, tasks="one-to-one"), BoardConfig(boards=1, world="gates", tasks="reach")
-    data = {name: create_dataset(tmp_path / name, of, library) for name, of in (("paper", paper), ("gates", gates))}
+    paper, time = BoardConfig(boards=1, tasks="one-to-one"), BoardConfig(boards=1, world="time", tasks="reach")
+    data = {name: create_dataset(tmp_path / name, of, library) for name, of in (("paper", paper), ("time", time))}
 
     def refused(name: str, problem: str, explore: dict[str, Any] | None = None) -> None:
         config = BC.model_copy(update={"explore": BoardGraphConfig.model_validate(explore or {})})
@@ -219,7 +219,7 @@ def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_p
             train_policy(out, config, PracticeSource((data[name].path,), "procedural"), 0, 1, None)  # type: ignore[arg-type]
         assert not out.exists()
 
-    refused("gates", "of the world 'gates', which cannot be explored")
+    refused("time", "of the world 'time', which cannot be explored")
     refused("paper", "learned.explore changes nothing where agents choose", {"learned": {"explore": 0.3}})
     refused("paper", "parameter explor of the learned policy", {"learned": {"explor": 0.3}})
     for render, problem in (({"width": 320}, "render.width 320, not 640"), ({"camera": {"blur": 0.8}}, "real camera")):

@@ -1,7 +1,8 @@
 """A task's board with all that can happen on it within a rollout, so that agents practise on it without a simulator.
 
-Between actions a board's state is that of its trigger links, and pictures, candidates and what they do depend on it
-alone: a board is a small graph. `explore` makes it; here it is data, and what happens to an agent in a
+Where what responders show follows from the trigger links alone, as in the paper's world, `gates` and `lock`, a board's
+state between actions is that of its links, and pictures, candidates and what they do depend on it alone: a board is a
+small graph. `explore` makes it; here it is data, and what happens to an agent in a
 `PracticeRollout`, or in the same as a Gymnasium environment (`GoalEnv`), is what would happen in the simulator. Success
 and what leads where are the truth: they serve as reward and for the oracle that BC imitates, no agent sees them.
 """

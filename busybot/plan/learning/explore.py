@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from busybot.boards.task import MAX_STEPS, reached, responder_states
+from busybot.boards.task import MAX_STEPS, reached
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
@@ -117,6 +117,7 @@ def explore(player: RolloutRunner, task: PreparedTask, scene: BoardScene, config
     while len(rows) < len(away):
         number, state = len(rows), list(away)[len(rows)]
         scene.rest(BoardState(state))
+        share = np.mean(list(reached(board, scene.responder_states()).values()))
         image = scene.observe()
         features = sight.see(Frame(image.rgb, image.depth))
         last = away[state] >= MAX_STEPS
@@ -130,7 +131,6 @@ def explore(player: RolloutRunner, task: PreparedTask, scene: BoardScene, config
             if step.success:
                 worked[row] = step.executed[-1]
                 scene.rest(BoardState(state))
-        share = np.mean(list(reached(board, responder_states(board, state)).values()))
         rows.append((features.astype(np.float16), np.float32(share), offered.facts, offered.touched, leads, worked))
     scene.rest(BoardState(start))
     return BoardGraph(*(np.stack(column) for column in zip(*rows, strict=True)))

@@ -103,8 +103,8 @@ def test_both_networks_learn_from_their_first_weights(kind: Kind, samples: Sampl
     for module in learner.network.modules():
         if isinstance(module, torch.nn.BatchNorm2d):
             module.momentum = 0.3  # with 0.1 an eighth of what it begins with is left after so few iterations
-    # One batch again and again. Half of its pixels worked and failed, so the position's loss ends at half of ln 2, which
-    # some first weights reach after ten iterations and others, by how a processor rounds, after 25.
+    # One batch again and again. Half of its pixels worked and failed, so the position's loss ends at half of ln 2: some
+    # first weights are there after ten iterations and others, by how a processor rounds, after 25.
     losses = [learner.learn(samples, generator(0, "", 0, "test")) for _ in range(30)]
     assert np.mean(losses[-5:]) < 0.7 * np.mean(losses[:5])
     learner.network.eval()  # what is learnt does not hang on the batch's own means

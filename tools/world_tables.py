@@ -261,15 +261,15 @@ def _over_actions(told: dict[str, Any]) -> str:
     return f"{first} / {middle}{within} / {last}"
 
 
-PLANNERS = ("mechanism", "search", "random", "noop", "oracle")
-"""Agents of the table of planning in worlds, in its order."""
+PLANNERS = ("mechanism", "search", "busybot", "predictive", "relation", "bc", "ppo", "random", "noop", "oracle")
+"""Agents of the table of planning in worlds, in its order; some play in some worlds."""
 
 
 def world_plans() -> str:
     """For every world and agent: success, tasks that were solved, and steps over the shortest plan."""
     lines = []
     for world, told in result("world-plans")["rows"].items():
-        for name in PLANNERS:
+        for name in (one for one in PLANNERS if one in told["agents"]):
             row = told["agents"][name]
             low, high = exact(row["micro"], row["micro_intervals"]["objects"], told["tasks"])
             lowest, highest = row["solved_interval"]

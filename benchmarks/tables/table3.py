@@ -96,13 +96,13 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
     """Names for folders of this machine; what ships with busybot has one that everybody knows."""
     named = {options.assets: "ASSETS", options.policy_model: "POLICY"}
     named |= {str(folder): f"REASONER-{seed}" for seed, folder in enumerate(options.reasoner)}
-    named |= {str(folder): name.upper() for name, folder in _learned(options).items()}
+    named |= {str(folder): name.upper() for name, folder in folders_of(options.learned).items()}
     return {str(options.work): "WORK"} | {where: name for where, name in named.items() if Path(where).is_dir()}
 
 
-def _learned(options: argparse.Namespace) -> dict[str, Path]:
-    """Folders of the learned baselines' trainings."""
-    return {name: Path(folder) for name, _, folder in (given.partition("=") for given in options.learned)}
+def folders_of(learned: list[str]) -> dict[str, Path]:
+    """Folders of the learned baselines' trainings, by their names, of words like `bc=FOLDER`."""
+    return {name: Path(folder) for name, _, folder in (given.partition("=") for given in learned)}
 
 
 def training(folder: Path) -> dict[str, Any]:
@@ -133,7 +133,7 @@ def measured(options: argparse.Namespace, agents: tuple[str, ...] = AGENTS) -> I
                 rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
             origins[f"{split}, {kind}"] = origin(options, split, kind)
-            for name, folder in _learned(options).items():
+            for name, folder in folders_of(options.learned).items():
                 rows[name]["training"] = [training(folder)]
             about = {"assets": assets_name(options.assets), "tasks": options.boards, "commands": typed}
             compared = {name: against(options, *name.split(", ")) for name in origins}

@@ -1,7 +1,7 @@
 """Planning where causes are hard: who reaches a goal in every world, by the commands that a user types.
 
     python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
-        --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time]
+        --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time] [--learned bc=FOLDER ppo=FOLDER]
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/lock-plans.json
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
@@ -9,8 +9,9 @@
 
 For each world boards of the training split with a task (seed 829, which nothing was trained on) are made, the scripted
 policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
-`mechanism` with MODEL, a trained model of that variant; `search`, `random`, `noop` and `oracle` with what ships with
-busybot. No test split is looked at. Every command resumes, so this one does.
+`mechanism` with MODEL, a trained model of that variant; `search`, the paper's three agents, `random`, `noop` and
+`oracle` with what ships with busybot. No test split is looked at. Every command resumes, so this one does. Learned
+agents (`--learned`) play where they can practise: in `gates` and `lock`, whose boards show what their links say.
 
 Who records may be another policy (`--history`): `learned`, or `curious`, which asks MODEL what would tell most, each
 with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows.
@@ -36,6 +37,7 @@ from benchmarks.runner import (
     settings,
     told_rows,
 )
+from benchmarks.tables.table3 import folders_of, training
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
@@ -49,7 +51,9 @@ LOCKS = {
 }
 """How boards of `lock` are drawn beside its own way."""
 NAMES = (*WORLDS, *LOCKS)
-AGENTS = ("search", "random", "noop", "oracle")
+AGENTS = ("search", "relation", "predictive", "busybot", "random", "noop", "oracle")
+PRACTISED = ("gates", "lock", *LOCKS)
+"""Where agents can practise: see `busybot.plan.learning.board_graph`."""
 DETAILS = (
     "success", "micro", "micro_intervals", "solved", "solved_interval", "steps", "steps_over_shortest", "step_success",
     "failures_by_cause",
@@ -63,16 +67,15 @@ def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     seeing += ("--reasoner", str(options.model)) if options.history == "curious" else ()
     drawn = generating(tasks, "train", options.boards, SEED, options.assets)
     playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *assets)
+    players: list[tuple[str, str, tuple[str, ...]]] = [
+        ("mechanism", "mechanism", ("--reasoner", str(options.model))),
+        ("others", ",".join(AGENTS), ("--reasoner", DEFAULT_REASONER)),
+    ]
+    players += [("learned", ",".join(options.learned), ())] if options.learned and name in PRACTISED else []
     return [
         (*drawn, "--world", "lock" if name in LOCKS else name, "--tasks", "reach", *LOCKS.get(name, ())),
         ("collect", str(tasks), *seeing, "--steps", str(STEPS), "--seed", str(SEED), *assets),
-        *(
-            (*playing, "--agents", agents, "--reasoner", reasoner, "--out", f"{tasks}-{who}")
-            for who, agents, reasoner in (
-                ("mechanism", "mechanism", str(options.model)),
-                ("others", ",".join(AGENTS), DEFAULT_REASONER),
-            )
-        ),
+        *((*playing, "--agents", agents, *reasoner, "--out", f"{tasks}-{who}") for who, agents, reasoner in players),
     ]
 
 
@@ -84,6 +87,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         raise UsageError(f"{options.out}: its histories were recorded by another policy", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
+    names |= {str(folder): name.upper() for name, folder in folders_of(options.learned).items()}
     for world in chosen(options.only, NAMES) if options.only else WORLDS:
         asked = commands(world, options)
         typed += [as_typed(command, names) for command in asked]
@@ -98,6 +102,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "assets": assets_name(options.assets),
             "history": options.history,
             "commands": typed,
+            "training": {name: training(folder) for name, folder in folders_of(options.learned).items()},
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
 
@@ -117,8 +122,11 @@ def main(words: list[str] | None = None) -> None:
     )
     options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
+    options.add_argument("--learned", nargs="*", default=[], help="learned agents, as bc=FOLDER")
     arguments = options.parse_args(words)
     hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}
+    for name, folder in folders_of(arguments.learned).items():
+        hashes["models"][name] = file_hashes(folder / "model")
     for result in measured(arguments):
         finish(KIND, arguments, result, hashes=hashes, seed=SEED)
 

@@ -35,9 +35,20 @@ def training(agent: str, data: Path, out: Path, *more: object) -> list[object]:
     return ["train", agent, "--data", data, "--out", out, "--workers", 1, *settings, *more]
 
 
-def tasks(data: Path, split: str = "train") -> Path:
-    assert run("generate", data, "--tasks", "one-to-many", "--boards", 1, "--split", split).exit_code == 0
+def tasks(data: Path, split: str = "train", world: str = "paper") -> Path:
+    kind = "one-to-many" if world == "paper" else "reach"
+    assert run("generate", data, "--tasks", kind, "--world", world, "--boards", 1, "--split", split).exit_code == 0
     return data
+
+
+def follow(data: Path, board: ExploredBoard) -> None:
+    """What was explored is what happens."""
+    follower = Follower(board)
+    simulator = Simulator(find("procedural"), RenderConfig())
+    player = RolloutRunner(simulator, Persistence(), load_once("procedural"))
+    played = player.play(player.prepare(read_episode(Dataset.open(data).episode_path(0))), lambda _: follower)
+    assert follower.checked > 0 and len(played.episode.steps) == follower.checked
+    assert played.judged.success == pytest.approx(float(board.graph.success[follower.state]))
 
 
 class Follower:
@@ -81,13 +92,18 @@ def test_from_tasks_to_an_agent_that_is_measured(tmp_path: Path) -> None:
     values = json.loads(measured.stdout)
     assert set(values["success"]) == {"noop", "bc"} and values["provenance"]["agents"]["bc"]["sha256"]
 
+    follow(data, load_explored(out / "boards" / "00-000000.safetensors"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("world", ["gates", "lock"])
+def test_in_worlds_without_a_past_boards_are_practised_on(world: str, tmp_path: Path) -> None:
+    data, out = tasks(tmp_path / "data", world=world), tmp_path / "bc"
+    assert run("collect", data, "--policy", "scripted", "--steps", 8, "--workers", 1).exit_code == 0
+    assert run(*training("bc", data, out)).exit_code == 0
     board = load_explored(out / "boards" / "00-000000.safetensors")
-    follower = Follower(board)
-    simulator = Simulator(find("procedural"), RenderConfig())
-    player = RolloutRunner(simulator, Persistence(), load_once("procedural"))
-    played = player.play(player.prepare(read_episode(Dataset.open(data).episode_path(0))), lambda _: follower)
-    assert follower.checked > 0 and len(played.episode.steps) == follower.checked
-    assert played.judged.success == pytest.approx(float(board.graph.success[follower.state]))
+    assert board.graph.success.max() > board.graph.success[0]
+    follow(data, board)
 
 
 def test_only_training_boards_with_tasks_are_trained_on(tmp_path: Path) -> None:

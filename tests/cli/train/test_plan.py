@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.policy.policy_factory import load_once
+from busybot.interact.policy.policy_factory import candidates_config, load_once
 from busybot.objects.resolve import find
 from busybot.plan.interfaces import Act, DecisionState, Stop, TaskContext
 from busybot.plan.learning.board_graph import ExploredBoard, load_explored
@@ -43,9 +43,9 @@ def tasks(data: Path, split: str = "train", world: str = "paper") -> Path:
 
 def follow(data: Path, board: ExploredBoard) -> None:
     """What was explored is what happens."""
-    follower = Follower(board)
+    follower, model = Follower(board), load_once("procedural")
     simulator = Simulator(find("procedural"), RenderConfig())
-    player = RolloutRunner(simulator, Persistence(), load_once("procedural"))
+    player = RolloutRunner(simulator, Persistence(), model, candidates_config(model.info, {}))
     played = player.play(player.prepare(read_episode(Dataset.open(data).episode_path(0))), lambda _: follower)
     assert follower.checked > 0 and len(played.episode.steps) == follower.checked
     assert played.judged.success == pytest.approx(float(board.graph.success[follower.state]))

@@ -272,8 +272,12 @@ def reaching(seeds: int, of: int) -> str:
 
 def plan_procedural() -> str:
     """The agents of Table 3 with what ships with busybot."""
-    rows = rows_of(3, result("plan-procedural")["agents"])
-    return markdown([table_grid(PLANNING, rows, beside=False)])
+    told = result("plan-procedural")
+    for agent in told["agents"].values():
+        for split in agent["splits"].values():
+            for one in split.values():  # made before evaluations told exact bounds themselves
+                one["interval"] = exact(one["success"], one["interval"], told["tasks"])
+    return markdown([table_grid(PLANNING, rows_of(3, told["agents"]), beside=False)])
 
 
 def trained_in(rows: Iterable[RowFound], machine: dict[str, Any]) -> str:
@@ -328,11 +332,14 @@ def policy_constants() -> str:
     model on all that it knows.
     """
     told, keys = result("policy_constants"), INTERACTION.keys
-    strict = [_setting(name, told["default_strict"], [row]) for name, row in told["rows"].items()]
+    boards = {place: one["boards"] for place, one in told["boards"].items()}
+    strict = [
+        _setting(name, told["default_strict"], [(row, boards["novel-object"])]) for name, row in told["rows"].items()
+    ]
     places = {"novel-object": "held out", "novel-config": "known", "other": "free seed 0"}
     columns = [f"{words}: {keys[key]}" for words in places.values() for key in ("precision", "recall")]
     free = [
-        _setting(name, told["default"], [row.get(place) for place in places], ("precision", "recall"))
+        _setting(name, told["default"], [(row.get(place), boards[place]) for place in places], ("precision", "recall"))
         for name, row in told["free"].items()
     ]
     first = plain_grid(("default", "here", *keys.values()), strict, "under the veto")
@@ -340,20 +347,25 @@ def policy_constants() -> str:
 
 
 def _setting(
-    setting: str, default: dict[str, Any], judged: list[Any], keys: Iterable[str] = tuple(INTERACTION.keys)
+    setting: str, default: dict[str, Any], judged: list[tuple[Any, int]], keys: Iterable[str] = tuple(INTERACTION.keys)
 ) -> tuple[str, list[str]]:
-    """Name, default and value of a varied constant; rows that vary none or several have a name."""
+    """Name, default and value of a varied constant; rows that vary none or several have a name.
+
+    Args:
+        judged: what was found, and on how many boards.
+    """
     name, _, value = setting.partition("=")
-    cells = [_with_interval(one, key) for one in judged for key in keys]
+    cells = [_with_interval(one, key, boards) for one, boards in judged for key in keys]
     if not value:
         return f"*{name}*", ["", "", *cells]
     return f"`{name}`", [f"{default[name]:g}", f"{float(value):g}", *cells]
 
 
-def _with_interval(judged: dict[str, Any] | None, key: str) -> str:
+def _with_interval(judged: dict[str, Any] | None, key: str, boards: int) -> str:
     if judged is None or judged[key] is None:
         return "missing" if judged is None else "-"
-    low, high = (100 * end for end in judged["intervals"][key] or (judged[key], judged[key]))
+    told = judged["intervals"][key] or (judged[key], judged[key])
+    low, high = (100 * end for end in exact(judged[key], told, boards))
     return f"{percent(judged[key])} {spread(100 * judged[key], low, high)}"
 
 

@@ -7,11 +7,14 @@ it goes on learning. The network learns to know early which explanations will; n
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits
+from torch.utils.data import Dataset
 
 from busybot.common.atomic_io import memory_on_disk
 from busybot.common.errors import BusybotError
@@ -27,7 +30,7 @@ from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.mechanism.training.known_links import KnownLinks
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.unseen import Touched
-from busybot.reason.pyg import Batch, HeteroData, scatter
+from busybot.reason.pyg import DataLoader, HeteroData, scatter
 from busybot.training.checkpoint import initialise
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, cosine_rate, descend
@@ -74,6 +77,25 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
     """Negative log of the sums over the explanations of each responder, (R, K)."""
     top = scatter(logs, owner, reduce="max").detach()
     return -(top + scatter((logs - top[owner]).exp(), owner, reduce="sum").log())
+
+
+@dataclass(frozen=True)
+class MadeGraphs(Dataset[HeteroData]):
+    """Graphs that are made when a loader asks for them, so that no more of them are there than in a batch."""
+
+    numbers: Sequence[int]
+    make: Callable[[int], HeteroData]
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __getitem__(self, place: int) -> HeteroData:
+        return self.make(self.numbers[place])
+
+
+def in_batches(numbers: Sequence[int], at_once: int, make: Callable[[int], HeteroData]) -> Iterator[Any]:
+    """Graphs in their order, so many at once as one; the loader draws nothing of PyTorch's own generator."""
+    return iter(DataLoader(MadeGraphs(numbers, make), batch_size=at_once, generator=torch.Generator()))
 
 
 def logistic(said: Tensor, true: Tensor) -> tuple[float, float]:
@@ -148,7 +170,7 @@ class MechanismLearner(Learner):
         config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
         moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
-        graphs = Batch.from_data_list([moments_of(self._known(int(number)), moments) for number in chosen])
+        [graphs] = in_batches(chosen.tolist(), len(chosen), lambda number: moments_of(self._known(number), moments))
         told = torch.from_numpy(rng.random(len(chosen)) >= config.untold)
         graphs["board"].world = graphs["board"].world * told
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
@@ -170,10 +192,7 @@ class MechanismLearner(Learner):
         if not (chosen and self.config.net.changes):
             return
         said, true = [], []
-        for start in range(0, len(chosen), JUDGED_AT_ONCE):
-            graphs = Batch.from_data_list(
-                [self._half_told(number) for number in chosen[start : start + JUDGED_AT_ONCE]]
-            )
+        for graphs in in_batches(chosen, JUDGED_AT_ONCE, self._half_told):
             with torch.no_grad():
                 said.append(self.network(graphs.to(device()))[2].flatten().cpu())
             true.append(graphs["responder"].changed.float().flatten().cpu())
@@ -229,8 +248,7 @@ class MechanismLearner(Learner):
             self.graph(board, [min(after, board.actions) for after in JUDGED_AFTER]) for board in self.held_out
         ]
         total, count = 0.0, 0
-        for start in range(0, len(self._judged), JUDGED_AT_ONCE):
-            batch = Batch.from_data_list(self._judged[start : start + JUDGED_AT_ONCE])
+        for batch in in_batches(range(len(self._judged)), JUDGED_AT_ONCE, self._judged.__getitem__):
             responders = int(batch["responder"].num_nodes)
             total += float(loss_of(self.network, batch.to(device()), 0.0, self.config.changes)) * responders
             count += responders

@@ -22,6 +22,8 @@ ALL_SIGNS = 12
 FLIPS = 10_000
 EQUAL = 1e-12
 """Sums of differences that lie nearer than this are equal."""
+LEAST_PAIRS = 500
+"""With fewer pairs that somebody doubts nothing is said about how far beliefs can be trusted."""
 Interval = tuple[float, float] | None
 """Least and greatest value; None where it is undefined."""
 

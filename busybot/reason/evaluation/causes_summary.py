@@ -10,7 +10,7 @@ import numpy as np
 
 from busybot.boards.spec import BoardSpec
 from busybot.common.rng import generator
-from busybot.evaluation.statistics import Interval, extreme_interval, two_level_interval
+from busybot.evaluation.statistics import LEAST_PAIRS, Interval, extreme_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
 from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism, count_parents
@@ -20,8 +20,6 @@ CALIBRATED = (4, 8, 12, 16, 22, 30)
 """Numbers of images after which probabilities are judged."""
 EARLY = tuple(sorted({*(images - 1 for images in CALIBRATED), 10}))
 """After so many actions a model is asked what it believes with no later picture before it."""
-LEAST_PAIRS = 500
-"""With fewer uncertain pairs nothing is said about their calibration."""
 FOUND = 0.95
 """Parents count as found from this F1 on."""
 

@@ -14,6 +14,7 @@ from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.reference_tables import TABLES, Table
+from busybot.evaluation.statistics import LEAST_PAIRS
 from busybot.plan.agent_policy import is_rollout
 from busybot.view.figures.curves import Course, courses_figure, table_figure
 from busybot.view.figures.sequences import sequence_figure
@@ -187,7 +188,10 @@ def _courses(results: Results, figures: Path) -> list[Block]:
 def _beside(results: Results, figures: Path) -> list[Block]:
     """Calibration, robustness and cost."""
     blocks: list[Block] = [Heading("Calibration")]
-    explained = "Expected calibration error and Brier score over trigger-responder pairs; 0 is best."
+    explained = (
+        "Expected calibration error over the trigger-responder pairs that are doubted (5 to 95 %), behind it how many "
+        f"these are: of fewer than {LEAST_PAIRS} nothing is said. Brier score over all pairs. 0 is best."
+    )
     grid = sections.calibration_grid(results)
     blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
     blocks += [Heading("Robustness"), *sections.robustness_blocks(results.robustness, figures)]

@@ -81,6 +81,13 @@ class _AfterImages(ResultFile):
     pred_a_bound: float | None
 
 
+class _Calibration(ResultFile):
+    """How far beliefs in pairs are off: of those that are doubted, and how many that is."""
+
+    ece_uncertain: float | None
+    pairs_uncertain: int
+
+
 class ReasonResult(Evaluation):
     """Of `busybot eval reason`."""
 
@@ -95,6 +102,7 @@ class ReasonResult(Evaluation):
     bounds: dict[str, dict[str, float | None] | None] | None = None
     ece: float | None = None
     brier: float | None = None
+    calibration: _Calibration | None = None
     intervals: Intervals
     object_intervals: Intervals = {}
     by_images: list[_AfterImages] = []

@@ -6,7 +6,7 @@ from typing import Any
 from busybot.common.rng import generator
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, ReferenceRow, Role, Table
 from busybot.evaluation.results import KINDS
-from busybot.evaluation.statistics import compare_boards
+from busybot.evaluation.statistics import LEAST_PAIRS, compare_boards
 from busybot.view.figures.curves import BASELINES, robustness_figure, strength_words, title_of
 from busybot.view.report.gates import judge
 from busybot.view.report.page import (
@@ -181,11 +181,22 @@ def calibration_grid(results: Results) -> Grid | None:
     for row in REASONING.rows:
         found = results.row(REASONING, row.name)
         told = {} if found is None else found.results
-        if any(getattr(one, "ece", None) is not None for one in told.values()):
-            values = [getattr(told.get(split), key, None) for split in REASONING.splits for key in ("ece", "brier")]
-            lines.append((row.words, tuple(NONE if value is None else Entry(f"{value:.4f}") for value in values)))
+        if any(getattr(one, "brier", None) is not None for one in told.values()):
+            cells = [cell for split in REASONING.splits for cell in _calibrated(told.get(split))]
+            lines.append((row.words, tuple(cells)))
     groups = tuple((words, 2) for words in REASONING.splits.values())
     return Grid(groups, ("ECE", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
+
+
+def _calibrated(told: InteractResult | ReasonResult | None) -> tuple[Entry, Entry]:
+    """Calibration error over what is doubted, with the number of pairs, and the Brier score."""
+    if not isinstance(told, ReasonResult):
+        return NONE, NONE
+    found, brier = told.calibration, NONE if told.brier is None else Entry(f"{told.brier:.4f}")
+    if found is None:
+        return NONE, brier
+    enough = found.ece_uncertain is not None and found.pairs_uncertain >= LEAST_PAIRS
+    return Entry(f"{found.ece_uncertain:.4f}" if enough else NONE.text, f"({found.pairs_uncertain})"), brier
 
 
 def robustness_blocks(told: dict[str, Any] | None, figures: Path) -> list[Block]:

@@ -8,6 +8,7 @@ import pytest
 
 from busybot.boards.spec import Relation, Rewiring
 from busybot.episodes.episode import Episode
+from busybot.evaluation.statistics import LEAST_PAIRS
 from busybot.reason.evaluation import causes
 from busybot.reason.evaluation.causes import (
     JudgedCauses,
@@ -19,7 +20,7 @@ from busybot.reason.evaluation.causes import (
     parents_at,
     relations_at,
 )
-from busybot.reason.evaluation.causes_summary import KEYS, LEAST_PAIRS, hamming, summarise_causes
+from busybot.reason.evaluation.causes_summary import KEYS, hamming, summarise_causes
 from busybot.reason.evaluation.what_if import HORIZON, TOUR, contacts_of
 from busybot.reason.models.base import Imagining, InferredGraph, InferredLinks, Reasoner, imagine
 from busybot.reason.models.lookup import Persistence

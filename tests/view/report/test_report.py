@@ -49,6 +49,7 @@ def reasoned(**values: Any) -> dict[str, Any]:
         "pred_a_successful": 0.95,
         "ece": 0.01,
         "brier": 0.02,
+        "calibration": {"ece": 0.01, "ece_uncertain": 0.031, "brier": 0.02, "pairs": 900, "pairs_uncertain": 640},
         "by_images": by_images,
         **told,
         **values,
@@ -253,6 +254,15 @@ def test_an_evaluation_of_planning_stands_beside_the_paper(tmp_path: Path) -> No
     assert "### Planning on d (novel-config)" in text
     assert "| **search over learned effects** | 97.5 | 95.0 to 100.0 | 90.0 | 2.5 | 69.4 | 95.0 |" in text
     assert "| mine | 100.0 |  | - | - |  |  |" in text
+
+
+def test_calibration_is_of_what_is_doubted_and_of_enough_pairs(tmp_path: Path) -> None:
+    one, few = reasoned(), reasoned()
+    few["calibration"] = few["calibration"] | {"pairs_uncertain": 9}
+    for told, shown in ((one, "0.0310 (640)"), (few, "- (9)")):
+        done = write_report([write(tmp_path / "table2.json", table2(told))], tmp_path / shown[0])
+        [line] = [row for row in done.markdown.read_text().splitlines() if shown in row]
+        assert "**`event`**" in line and "0.0200" in line
 
 
 def disturbed() -> dict[str, Any]:

@@ -219,6 +219,7 @@ def test_the_policys_constants_are_told_beside_their_defaults(results: Path) -> 
     keys = ("precision", "recall", "precision_exploring")
     judged = {**dict.fromkeys(keys, 0.9), "intervals": {"precision": [0.88, 0.92], "recall": None, keys[2]: [0.8, 1.0]}}
     told = {
+        "boards": {place: {"boards": 60} for place in ("novel-object", "novel-config", "other")},
         "default_strict": {"explore": 0.35},
         "rows": {"before": judged, "explore=0.2": judged},
         "default": {"explore": 0.25},

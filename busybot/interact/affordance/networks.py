@@ -244,7 +244,7 @@ class PaperPositionNet(nn.Module):
         x = levels.pop()
         for block in self.up:
             skip = levels.pop()
-            larger = functional.interpolate(x, size=skip.shape[-2:], mode="bilinear", align_corners=False)
+            larger = functional.interpolate(x, size=skip.shape[-2:], mode="bilinear", align_corners=True)
             x = block(torch.cat([larger, skip], dim=1))
         return x
 

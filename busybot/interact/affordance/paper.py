@@ -41,37 +41,36 @@ def depth_and_normals(depth: Tensor, camera: Pinhole) -> Tensor:
 
 
 def gaussian_normals(depth: Tensor, camera: Pinhole) -> Tensor:
-    """Unit normals towards the camera: n = (dG/dv * p) x (dG/du * p), normalised, with points p and a Gaussian G.
+    """Normals towards the camera, n = a x b, of the unit tangents down and across, which are the derivatives of a
+    Gaussian G along the picture's columns and rows: a = G' * p / |G' * p| with points p.
 
-    Beyond the picture's border the nearest pixel's depth goes on.
+    As in the authors' program nothing is smoothed across a tangent, and n is not normalised: it is as long as the sine
+    of the angle between the tangents, 1 where a plane faces the camera. Beyond the border the nearest point goes on.
 
     Shapes:
         depth: float32 (B, H, W), board units, everywhere known.
         returns: float32 (B, 3, H, W).
     """
-    rows, columns = (
-        torch.arange(-NORMAL_REACH, side + NORMAL_REACH, device=depth.device)[None] for side in depth.shape[-2:]
-    )
-    padded = functional.pad(depth[:, None], (NORMAL_REACH,) * 4, mode="replicate")[:, 0]
-    points = camera.points(padded, rows, columns)  # (B, 3, H + 16, W + 16)
+    rows, columns = (torch.arange(side, device=depth.device)[None] for side in depth.shape[-2:])
+    points = camera.points(depth, rows, columns)
     offsets = torch.arange(-NORMAL_REACH, NORMAL_REACH + 1, device=depth.device) / NORMAL_SIGMA
-    gaussian = torch.exp(-(offsets**2) / 2)
-    slope = offsets * gaussian
-    across, down = _filtered(points, gaussian, slope), _filtered(points, slope, gaussian)
-    return unit(torch.linalg.cross(down, across, dim=1))
+    slope = offsets * torch.exp(-(offsets**2) / 2)
+    down = _filtered(points, slope[:, None], (0, 0, NORMAL_REACH, NORMAL_REACH))
+    across = _filtered(points, slope[None], (NORMAL_REACH, NORMAL_REACH, 0, 0))
+    return torch.linalg.cross(unit(down), unit(across), dim=1)
 
 
-def _filtered(points: Tensor, vertical: Tensor, horizontal: Tensor) -> Tensor:
-    """(B, 3, h, w) with both filters applied to every coordinate, without what lies at the border.
+def _filtered(points: Tensor, kernel: Tensor, border: tuple[int, int, int, int]) -> Tensor:
+    """(B, 3, H, W) with every coordinate filtered, after so much was added on each side.
 
     Exact float32: neighbouring points differ by a hundredth of their distance, of which coarser numbers leave nothing.
     """
-    channels = points.flatten(0, 1)[None].contiguous(memory_format=torch.channels_last)
+    padded = functional.pad(points, border, mode="replicate")
+    channels = padded.flatten(0, 1)[None].contiguous(memory_format=torch.channels_last)
     count = channels.shape[1]
     with exactly():
-        for kernel in (vertical[:, None], horizontal[None]):
-            channels = functional.conv2d(channels, kernel.expand(count, 1, *kernel.shape), groups=count)
-    return channels[0].unflatten(0, points.shape[:2])
+        found = functional.conv2d(channels, kernel.expand(count, 1, *kernel.shape), groups=count)
+    return found[0].unflatten(0, points.shape[:2])
 
 
 def with_positions(features: Tensor, pixels: Tensor) -> Tensor:

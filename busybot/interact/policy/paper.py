@@ -33,8 +33,10 @@ class PaperRules(FrozenModel):
         epsilon_position, epsilon_direction: share of random choices.
         all_directions: try all directions until one works, instead of one.
         ucb_c, ucb_window: of the bonus; c = 0 is the row "w/o exploration" of Table 1.
-        clusters, cluster_belief: choose any of the best positions of so many clusters of those that have a higher
-            affordance than this, all alike, as data to reason from are collected; 0 clusters for the highest of all.
+        clusters: choose any of the best positions of so many clusters, all alike, as data to reason from are collected;
+            0 for the highest of all.
+        cluster_belief: pixels with a higher affordance than this are clustered; None for the middle between the
+            picture's highest and lowest, as in the authors' program.
     """
 
     epsilon_position: Share = 0.0
@@ -43,7 +45,7 @@ class PaperRules(FrozenModel):
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=0, le=100)] = 0
-    cluster_belief: Share = 0.5
+    cluster_belief: Share | None = None
 
     def needs_model(self) -> bool:
         """Whether a network is asked at all."""
@@ -85,7 +87,8 @@ class PaperPolicy(StatelessPolicy, Generic[V]):
         if not self._rules.clusters:
             return None
         affordance = self._look(seen).affordance
-        likely = elevated & (sigmoid(affordance) > self._rules.cluster_belief)
+        belief, least = sigmoid(affordance), self._rules.cluster_belief
+        likely = elevated & (belief > ((belief.max() + belief.min()) / 2 if least is None else least))
         tops = cluster_tops(affordance, likely, self._rules.clusters)
         if not len(tops):
             return None

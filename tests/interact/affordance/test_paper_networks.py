@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter1d
 from torch import nn
 
 from busybot.common.rng import generator
@@ -121,11 +121,9 @@ def test_normals_cross_the_derivatives_of_a_gaussian_of_the_points() -> None:
     depth = 4 - 0.3 * generator(0, "", 0, "test").random((HEIGHT, WIDTH)).astype(np.float32)
     found = depth_and_normals(torch.from_numpy(depth)[None], Pinhole(RAYS.camera))[0, 1:].numpy()
     points = RAYS.points(depth).astype(float)
-    across, down = (gaussian_filter(points, (2, 2, 0), (*order, 0)) for order in ((0, 1), (1, 0)))
-    expected = np.cross(down, across)
-    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
-    inside = (slice(9, -9), slice(9, -9))
-    assert np.allclose(found[:, *inside].transpose(1, 2, 0), expected[inside], atol=1e-4)
+    down, across = (gaussian_filter1d(points, 2, axis=axis, order=1, mode="nearest") for axis in (0, 1))
+    down, across = (one / np.linalg.norm(one, axis=-1, keepdims=True) for one in (down, across))
+    assert np.allclose(found.transpose(1, 2, 0), np.cross(down, across), atol=1e-4)
 
 
 def test_a_plane_has_one_normal_up_to_the_border() -> None:

@@ -175,7 +175,7 @@ def test_the_prior_is_an_option_that_makes_edges_rarer() -> None:
     optimizer, outcomes = make_optimizer(network, config), []
     assert isinstance(network, PaperNetwork)
     before = network.infer(joined.edge_index, joined.observed(5)).probabilities.mean()
-    for number in range(12):
+    for number in range(24):
         outcomes.append(iterate(network, optimizer, joined, config, generator(0, "train", number, "test")))
     assert outcomes[0].loss == pytest.approx(outcomes[0].error + 10 * outcomes[0].divergence, rel=1e-5)
     assert outcomes[-1].divergence < 0.7 * outcomes[0].divergence

@@ -1,12 +1,16 @@
 """A test set that nobody has looked at: switches whose shapes a seed draws, acted on by models that were made before.
 
     python -m benchmarks.tables.new_switches --work FOLDER --out benchmarks/results/new-switches.json
+    python -m benchmarks.tables.new_switches --models FOLDER FOLDER --work FOLDER
+        --out benchmarks/results/new-switches-real.json
 
 A library is made whose novel switches are `--drawn` ones of families that its seed draws; the generator was written
 after the models that are judged, and looked at with other seeds. The shipped interaction policy acts ten times on each
 board, free and strict, beside random actions and the oracle; and on boards of the novel switches of the default
 library, which policies were chosen by. Relations are found in recordings of the scripted policy on the new ones. Both
 sets of boards are frozen (`datasets/worlds/paper.json`), so every judging is in the log.
+
+Other interaction models (`--models`), free, are judged on the new switches alone, and nobody else is again.
 
 Intervals are those over boards, and over switches and their boards. The command resumes; what was judged is not judged
 again.
@@ -56,11 +60,9 @@ def motion_of(key: str) -> str:
     return tuple(MOTIONS)[(int(number) - 1) % len(MOTIONS)] if family == "drawn" else family
 
 
-def interacted(folder: Path, policy: str, assets: str, out: Path) -> dict[str, Any]:
-    """What came of a policy's actions on the boards of a dataset."""
-    told = runner.busybot(
-        "eval", "interact", str(folder), *POLICIES[policy], "--assets", assets, "--out", str(out)
-    )  # fmt: skip
+def interacted(folder: Path, policy: tuple[str, ...], assets: str, out: Path) -> dict[str, Any]:
+    """What came of a policy's actions on the boards of a dataset; it is named as the command takes it."""
+    told = runner.busybot("eval", "interact", str(folder), *policy, "--assets", assets, "--out", str(out))
     lines = (out / "boards.jsonl").read_text().splitlines()
     boards = sorted(map(JudgedBoard.model_validate_json, lines), key=lambda one: one.board)
     assert len(boards) == told["boards"]
@@ -98,20 +100,25 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     if not library.exists():
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
+    others = {Path(one).name: ("--model", one) for one in options.models}
     rows: dict[str, Any] = {}
     data = {}
-    for name, assets in (("new", str(library)), ("looked at", "procedural")):
+    for name, assets in (("new", str(library)), *(() if others else (("looked at", "procedural"),))):
         folder = options.work / name.replace(" ", "-")
         runner.busybot(*runner.generating(folder, "novel-object", options.boards, BOARD_SEED, assets))
         data[name] = {"board_hash": Dataset.open(folder).hashes().board}
         rows[name] = {
-            policy: interacted(folder, policy, assets, options.work / f"{folder.name}-{policy}") for policy in POLICIES
+            policy: interacted(folder, words, assets, options.work / f"{folder.name}-{policy}")
+            for policy, words in (others or POLICIES).items()
         }
+    figures = {"drawn": options.drawn, "boards": options.boards, "rows": rows}
+    if others:
+        weights = {name: file_hashes(find_folder(words[1], "interact")) for name, words in others.items()}
+        return runner.finish(KIND, options, figures, hashes={"models": weights, "data": data})
     models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
     relations = related(options.work / "new", str(library), options.work, models)
     models["procedural"] = file_hashes(find_folder("procedural", "interact"))
-    figures = {"drawn": options.drawn, "boards": options.boards, "rows": rows, "relations": relations}
-    return runner.finish(KIND, options, figures, hashes={"models": models, "data": data})
+    return runner.finish(KIND, options, {**figures, "relations": relations}, hashes={"models": models, "data": data})
 
 
 def main(words: list[str] | None = None) -> None:
@@ -120,6 +127,9 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--drawn", type=int, default=60, help="switches")
     options.add_argument("--boards", type=int, default=BOARDS)
     options.add_argument("--seed", type=int, default=SEED, help="of switches")
+    options.add_argument(
+        "--models", nargs="*", default=[], help="interaction models to judge instead, by their folders"
+    )
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
     told = measured(arguments)

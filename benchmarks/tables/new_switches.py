@@ -25,6 +25,7 @@ from typing import Any
 from benchmarks import runner
 from benchmarks.tables.world_gates import digest_of, frozen
 from busybot.common.atomic_io import read_json
+from busybot.common.errors import UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.interact.metrics import JudgedBoard
 from busybot.objects.procedural.switches.drawn import MOTIONS
@@ -101,6 +102,8 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
     others = {Path(one).name: ("--model", one) for one in options.models}
+    if len(others) < len(options.models) or others.keys() & POLICIES.keys():
+        raise UsageError("models are told apart by the names of their folders", f"no two alike, none of {[*POLICIES]}")
     rows: dict[str, Any] = {}
     data = {}
     for name, assets in (("new", str(library)), *(() if others else (("looked at", "procedural"),))):

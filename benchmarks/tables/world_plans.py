@@ -92,19 +92,26 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         asked = commands(world, options)
         typed += [as_typed(command, names) for command in asked]
         told = [busybot(*command) for command in asked][2:]
+        played = {name: row for one in told for name, row in one["agents"].items()}
+        learned = {name: folder for name, folder in folders_of(options.learned).items() if name in played}
         rows[world] = {
             "tasks": options.boards,
             "least_steps": told[0]["least_steps"],
-            "agents": {name: {key: row[key] for key in DETAILS} for one in told for name, row in one["agents"].items()},
+            "agents": {name: {key: row[key] for key in DETAILS} for name, row in played.items()},
+            "training": {name: _training(folder) for name, folder in learned.items()},
             **{key: _grouped([one[key] for one in told]) for key in ("by_locks", "by_unmoved")},
         }
         yield {
             "assets": assets_name(options.assets),
             "history": options.history,
             "commands": typed,
-            "training": {name: training(folder) for name, folder in folders_of(options.learned).items()},
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
+
+
+def _training(folder: Path) -> dict[str, Any]:
+    """How an agent was trained, and which weights came of it."""
+    return {**training(folder), "files": file_hashes(folder / "model")}
 
 
 def _grouped(told: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]:
@@ -125,8 +132,6 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--learned", nargs="*", default=[], help="learned agents, as bc=FOLDER")
     arguments = options.parse_args(words)
     hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}
-    for name, folder in folders_of(arguments.learned).items():
-        hashes["models"][name] = file_hashes(folder / "model")
     for result in measured(arguments):
         finish(KIND, arguments, result, hashes=hashes, seed=SEED)
 

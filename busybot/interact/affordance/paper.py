@@ -89,6 +89,7 @@ def with_positions(features: Tensor, pixels: Tensor) -> Tensor:
 
 PAPER_POLICY: dict[str, Threshold] = {
     "candidates": "kmeans",
+    "cluster_belief": "middle",
     "blur": 1,
     "caution": 0,
     "temperature": 1,

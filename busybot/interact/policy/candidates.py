@@ -7,7 +7,7 @@ works unless both fail: 1 - (1 - p)(1 - p_opposite).
 """
 
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import Literal, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -196,8 +196,8 @@ def _occupied(affordance: np.ndarray, config: PolicyConfig) -> tuple[slice, slic
 def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, config: PolicyConfig) -> np.ndarray:
     """Pixels int (K, 2): peaks, or the tops of clusters."""
     if config.candidates == "kmeans":
-        likely = held(affordance) & (sigmoid(smooth + prior_shift(config)) > config.cluster_belief)
-        return cluster_tops(smooth, likely, config.clusters)
+        belief = sigmoid(smooth + prior_shift(config))
+        return cluster_tops(smooth, held(affordance) & is_likely(belief, config.cluster_belief), config.clusters)
     found = _peaks(smooth, held(affordance) & (smooth > config.peak_logit), config)
     if (known := links > 0).any():  # what is left of a region of which a link is known
         rest = np.where(known, np.float32(NOT_ELEVATED), affordance)
@@ -207,6 +207,12 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
         rest[known] = NOT_ELEVATED
         found = np.unique(np.concatenate([found, _peaks(rest, left.view(bool), config)]), axis=0)
     return found
+
+
+def is_likely(belief: np.ndarray, least: float | Literal["middle"]) -> np.ndarray:
+    """Which pixels take part in clusters, bool (H, W): those above a belief, or above the middle between the highest
+    and the lowest of the picture, as the paper's authors have it."""
+    return np.asarray(belief > ((belief.max() + belief.min()) / 2 if least == "middle" else least))
 
 
 def cluster_tops(affordance: np.ndarray, likely: np.ndarray, clusters: int) -> np.ndarray:

@@ -91,7 +91,8 @@ class PolicyConfig(FrozenModel):
             failures would else take the belief in what was hardly tried, and links that give be moved all the time.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels, even.
         clusters: k of the K-means candidates: no board has more movable links.
-        cluster_belief: least affordance of a pixel that takes part in the clusters.
+        cluster_belief: least affordance of a pixel that takes part in the clusters; `middle` for what lies between the
+            picture's highest and lowest.
     """
 
     candidates: Literal["peaks", "kmeans"] = "peaks"
@@ -121,7 +122,7 @@ class PolicyConfig(FrozenModel):
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=1, le=100)] = 7
-    cluster_belief: Share = 0.5
+    cluster_belief: Share | Literal["middle"] = 0.5
 
     def provenance(self) -> dict[str, Any]:
         """All constants, JSON values, as results and recordings tell them; equal to those of former versions."""

@@ -11,7 +11,7 @@ its clusters. It remembers nothing but where it acted. What the paper leaves ope
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Generic
+from typing import Annotated, Generic, Literal
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.candidates import ActionModel, V, cluster_tops
+from busybot.interact.policy.candidates import ActionModel, V, cluster_tops, is_likely
 from busybot.interact.policy.config import Share
 from busybot.interact.policy.direction_pairs import ELEVATED, pixel_at, random_pixel, sigmoid
 from busybot.sim.policy import Action, StatelessPolicy
@@ -35,8 +35,7 @@ class PaperRules(FrozenModel):
         ucb_c, ucb_window: of the bonus; c = 0 is the row "w/o exploration" of Table 1.
         clusters: choose any of the best positions of so many clusters, all alike, as data to reason from are collected;
             0 for the highest of all.
-        cluster_belief: pixels with a higher affordance than this are clustered; None for the middle between the
-            picture's highest and lowest, as in the authors' program.
+        cluster_belief: pixels with a higher affordance than this are clustered; see `PolicyConfig`.
     """
 
     epsilon_position: Share = 0.0
@@ -45,7 +44,7 @@ class PaperRules(FrozenModel):
     ucb_c: Annotated[float, Field(ge=0)] = 0.5
     ucb_window: Annotated[int, Field(ge=2, le=200, multiple_of=2)] = 10
     clusters: Annotated[int, Field(ge=0, le=100)] = 0
-    cluster_belief: Share | None = None
+    cluster_belief: Share | Literal["middle"] = "middle"
 
     def needs_model(self) -> bool:
         """Whether a network is asked at all."""
@@ -87,8 +86,7 @@ class PaperPolicy(StatelessPolicy, Generic[V]):
         if not self._rules.clusters:
             return None
         affordance = self._look(seen).affordance
-        belief, least = sigmoid(affordance), self._rules.cluster_belief
-        likely = elevated & (belief > ((belief.max() + belief.min()) / 2 if least is None else least))
+        likely = elevated & is_likely(sigmoid(affordance), self._rules.cluster_belief)
         tops = cluster_tops(affordance, likely, self._rules.clusters)
         if not len(tops):
             return None

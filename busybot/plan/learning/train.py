@@ -83,7 +83,8 @@ def train_policy(
     if config.agent == "ppo" and find_spec("sb3_contrib") is None:
         raise needs_extra("sb3-contrib", "baselines")
     datasets = [_of_training(Dataset.open(path), config.explore) for path in source.data]
-    pairs = [(dataset, library_of(dataset, source.assets)) for dataset in datasets]
+    done = (out / "model" / INFO_FILE).exists()
+    pairs = [] if done else [(dataset, library_of(dataset, source.assets)) for dataset in datasets]
     for pair in pairs:
         _explorable(*pair)
     candidates_config(card_of(source.model), config.explore.learned)  # before anything is written
@@ -92,7 +93,7 @@ def train_policy(
         "model": fingerprint(source.model),
     }
     begin_folder(out, config, seed, **provenance)
-    if (out / "model" / INFO_FILE).exists():
+    if done:
         return read_info(out / "model", PolicyInfo), read_json(out / BUDGET)
     folder = source.explored or out / "boards"
     with told("exploring boards") as progress:
@@ -156,7 +157,7 @@ def _of_training(dataset: Dataset, explore: BoardGraphConfig) -> Dataset:
 
 
 def _explorable(dataset: Dataset, library: Library) -> None:
-    """Refuse boards that are not as their links stand: those of `board_graph` would have too many states, or luck."""
+    """Refuse boards on which more than the trigger links' states decides what shows: they are no `board_graph`."""
     for board in dataset.boards():
         links = links_of([library.get(placed.key) for placed in board.objects])
         if Dynamics(board, links).remembers:

@@ -100,7 +100,6 @@ class ReasonResult(Evaluation):
     pred_a_successful: float | None = None
     pred_a_bound: float | None = None
     bounds: dict[str, dict[str, float | None] | None] | None = None
-    ece: float | None = None
     brier: float | None = None
     calibration: _Calibration | None = None
     intervals: Intervals

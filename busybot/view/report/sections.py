@@ -185,7 +185,7 @@ def calibration_grid(results: Results) -> Grid | None:
             cells = [cell for split in REASONING.splits for cell in _calibrated(told.get(split))]
             lines.append((row.words, tuple(cells)))
     groups = tuple((words, 2) for words in REASONING.splits.values())
-    return Grid(groups, ("ECE", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
+    return Grid(groups, ("ECE, doubted", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
 
 
 def _calibrated(told: InteractResult | ReasonResult | None) -> tuple[Entry, Entry]:

@@ -54,6 +54,18 @@ def test_as_the_authors_have_it_a_convolution_comes_first_and_one_of_1_by_1_last
     assert len(every) == len(convolutions(network)) + 1  # normalisation and ReLU follow all others
 
 
+def test_levels_are_interpolated_corner_on_corner() -> None:
+    network, seen = PaperPositionNet(4).eval(), []
+    network.down[-1].register_forward_hook(lambda _, given, made: seen.append(made))
+    network.up[0].register_forward_pre_hook(lambda _, given: seen.append(given[0]))
+    with torch.no_grad():
+        network(torch.randn(1, 4, 64, 96, generator=torch.Generator().manual_seed(0)))
+    coarse, joined = seen
+    larger = joined[:, : coarse.shape[1]]
+    assert larger.shape[-2:] == (8, 12) and coarse.shape[-2:] == (4, 6)
+    assert torch.allclose(larger[..., ::7, ::11], coarse[..., ::3, ::5], atol=1e-5)
+
+
 def test_the_position_network_halves_the_picture_four_times() -> None:
     with torch.device("meta"):
         network, picture = PaperPositionNet(4), torch.empty(1, 4, 480, 640)

@@ -5,6 +5,8 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.rng import generator
+from busybot.interact.affordance.paper import PAPER_POLICY
+from busybot.interact.policy.candidates import is_likely
 from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.paper import PaperPolicy, PaperRules
 from tests.interact.scenes import BODY, BUTTON, RAYS, ButtonModel, HeightView, picture
@@ -23,7 +25,7 @@ def on_knob(pixel: tuple[int, int]) -> int:
     return inside.index(True) if any(inside) else -1
 
 
-def policy(**rules: float) -> PaperPolicy[HeightView]:
+def policy(**rules: float | str) -> PaperPolicy[HeightView]:
     return PaperPolicy(ButtonModel(), RAYS, PaperRules.model_validate(rules), "test")
 
 
@@ -46,6 +48,14 @@ def test_data_to_reason_from_are_a_draw_among_the_tops_of_clusters_with_their_be
     assert len(set(places)) == 2 and {on_knob(pixel) for pixel in places} == {0, 1}  # whatever was tried before
     assert min(places.count(pixel) for pixel in set(places)) > 10
     assert all(abs(DIRECTIONS[action.directions[0], 2]) == 1 for action in actions)
+
+
+def test_clusters_are_of_what_lies_above_the_middle() -> None:
+    """Of a picture whose highest affordance is low, too; not of what lies above a half."""
+    belief = np.array([[0.0, 0.1, 0.25, 0.4]])
+    assert is_likely(belief, "middle").tolist() == [[False, False, True, True]]
+    assert not is_likely(belief, 0.5).any() and is_likely(belief, 0.2).sum() == 2
+    assert PaperRules().cluster_belief == "middle" == PAPER_POLICY["cluster_belief"], "on the card of every paper model"
 
 
 def test_where_no_place_is_likely_enough_for_a_cluster_the_best_is_taken() -> None:

@@ -81,7 +81,7 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class MadeGraphs(Dataset[HeteroData]):
-    """Graphs that are made when a loader asks for them, so that no more of them are there than in a batch."""
+    """Graphs that are made, or looked up, when a loader asks for them."""
 
     numbers: Sequence[int]
     make: Callable[[int], HeteroData]

@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import re
 import resource
 import signal
 import statistics
@@ -310,5 +311,6 @@ def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:
     """A command as a reader types it, with names for places of this machine; `procedural` is none, everybody has it."""
     line = "busybot " + " ".join(command)
     for place, name in places.items():
-        line = line if place == "procedural" else line.replace(place, name)
+        if place != "procedural":  # a whole path or its beginning, and not an agent's name, as in bc=bc
+            line = re.sub(rf"(?<![\w/.-]){re.escape(place)}(?![\w=.-])", name, line)
     return line

@@ -78,6 +78,9 @@ def test_commands_are_told_without_this_machines_places(tmp_path: Path) -> None:
     assert as_typed(("eval", f"{tmp_path}/x"), {str(tmp_path): "DATA"}) == "busybot eval DATA/x"
     made = ("train", "--assets", "procedural", "--config", "benchmarks/procedural.yaml")
     assert as_typed(made, {"procedural": "ASSETS"}) == "busybot " + " ".join(made)
+    played = ("eval", "plan", "w/x-1", "--agents", "bc=bc,ppo=p/q", "--out", "w")
+    told = as_typed(played, {"w": "WORK", "bc": "BC", "p/q": "PPO"})
+    assert told == "busybot eval plan WORK/x-1 --agents bc=BC,ppo=PPO --out WORK"
 
 
 def test_a_result_tells_its_command_without_places(tmp_path: Path) -> None:

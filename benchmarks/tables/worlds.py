@@ -23,6 +23,7 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ from benchmarks.tables.world_rows import (
 )
 from busybot.boards.spec import PAPER, BoardSpec
 from busybot.boards.worlds import WORLDS
+from busybot.common.process_pool import default_workers, share
 from busybot.common.rng import generator
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
@@ -59,7 +61,7 @@ from busybot.reason.evaluation.decoders import NearestState, judged_objects
 from busybot.reason.evaluation.evaluate import IMAGES, ReasonEvaluation, judge_episode, origin
 from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.evaluation.prediction import JudgedPrediction
-from busybot.reason.evaluation.summary import intervals, summarise_predictions
+from busybot.reason.evaluation.summary import JudgedGraph, intervals, summarise_predictions
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.inputs.observation import observe_episode, pushes_of
 from busybot.reason.models.base import InferredGraph
@@ -171,14 +173,17 @@ def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> d
 
 def _learned(validation: Recorded, model: Path, most: int | None, seed: int, world: bool) -> dict[str, Any]:
     judging = ReasonEvaluation(str(model), library=validation.library, curve=(), told=world)
-    judged = [
-        judge_episode(read_episode(validation.dataset.episode_path(index), "lazy"), judging, validation.features[index])
-        for index in sorted(validation.dataset.finished())[:most]
-    ]
+    boards = sorted(validation.dataset.finished())[:most]
+    judged = list(share(partial(_judged, validation, judging), boards, min(default_workers(), len(boards))))
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
     causes = [(one.board, one.causes) for one in judged if one.causes is not None]
     row = figures(causes, seed, (*MECHANISMS, *REWIRED))
     return {**row, "pred_a": told["pred_a"], "model": file_hashes(find_folder(model, "reason"))}
+
+
+def _judged(validation: Recorded, judging: ReasonEvaluation, index: int) -> JudgedGraph:
+    episode = read_episode(validation.dataset.episode_path(index), "lazy")
+    return judge_episode(episode, judging, validation.features[index])
 
 
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:

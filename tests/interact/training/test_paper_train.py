@@ -126,7 +126,7 @@ def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> No
     assert model.info.training["rounds"]["epochs"] == 4 and model.info.training["rounds"]["steps"] == 72
     assert usual_mode(str(trained)) == "ucb"
     policy = LearnedPolicyFactory(str(trained)).provenance()["policy"]
-    own = {"candidates": "kmeans", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
+    own = {"candidates": "kmeans", "cluster_belief": "middle", "blur": 1, "prior": 0.5, "caution": 0, "temperature": 1}
     own |= dict.fromkeys(("component_penalty", "failure_penalty", "responder_penalty", "trigger_bonus"), 0)
     assert policy == PolicyConfig.model_validate(own).provenance()
     episode = read_episode(recorded / "000" / "episodes" / "000000.mcap")

@@ -51,9 +51,15 @@ class IterationOutcome:
 
 
 def make_network(config: PaperReasonConfig, seed: int) -> Network:
-    """A network with weights drawn for this seed."""
+    """A network with weights drawn for this seed: as PyTorch draws them, but for those that embed actions, which are
+    Xavier's normal with biases of 0, as in the authors' program."""
     with drawing(generator(seed, "train", 0, "initial weights/paper")):
-        return network_of(config)
+        network = network_of(config)
+        for layer in network.actions.modules():
+            if isinstance(layer, nn.Linear):
+                nn.init.xavier_normal_(layer.weight)
+                nn.init.zeros_(layer.bias)
+    return network
 
 
 def make_optimizer(network: nn.Module, config: PaperReasonConfig) -> torch.optim.Optimizer:

@@ -20,8 +20,7 @@ KINDS = 2
 
 
 class Actions(nn.Module):
-    """Embeds the action on each node: three linear layers with ReLUs between them, whose first weights Xavier's normal
-    draws, with biases of 0, as in the authors' program.
+    """Embeds the action on each node: three linear layers with ReLUs between them.
 
     A node that is not acted on has an action of zeros. It is embedded once for all.
     """
@@ -29,9 +28,6 @@ class Actions(nn.Module):
     def __init__(self, config: PaperNetworkConfig):
         super().__init__()
         first, *rest = (nn.Linear(a, b) for a, b in pairwise((ACTION, *[config.action] * 3)))
-        for layer in (first, *rest):
-            nn.init.xavier_normal_(layer.weight)
-            nn.init.zeros_(layer.bias)
         self.layers = nn.Sequential(first, *(part for layer in rest for part in (nn.ReLU(), layer)))
 
     def forward(self, frames: Frames) -> Tensor:

@@ -5,13 +5,11 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from busybot.common.rng import generator
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.paper.config import PaperNetworkConfig
 from busybot.reason.models.paper.data import Boards, boards_of
 from busybot.reason.models.paper.networks import PaperNetwork, Relations, drawn
-from busybot.reason.models.paper.parts import Actions, GraphNet, Nothing
-from busybot.training.checkpoint import drawing
+from busybot.reason.models.paper.parts import GraphNet, Nothing
 from tests.reason.paper_scenes import SMALL, watched
 
 PAPER = PaperNetworkConfig()
@@ -73,15 +71,6 @@ def test_a_board_has_ten_nodes_the_vacant_ones_zeros() -> None:
 def test_an_action_is_embedded_by_three_layers_of_256(paper: PaperNetwork) -> None:
     assert linear(paper.actions) == [(6, 256), (256, 256), (256, 256)]
     assert [type(part) for part in paper.actions.layers] == [nn.Linear, nn.ReLU, nn.Linear, nn.ReLU, nn.Linear]
-
-
-def test_actions_begin_with_xaviers_normal() -> None:
-    with drawing(generator(0, "", 0, "test")):
-        actions = Actions(PAPER)
-    for layer in actions.layers[2::2]:
-        assert isinstance(layer, nn.Linear) and not layer.bias.any()
-        assert layer.weight.std().item() == pytest.approx((2 / (256 + 256)) ** 0.5, rel=0.05)
-        assert layer.weight.abs().max() > (6 / (256 + 256)) ** 0.5, "no uniform distribution of that width"
 
 
 def test_the_object_acted_on_has_the_action_the_others_zeros() -> None:

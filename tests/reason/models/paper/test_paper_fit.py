@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
@@ -167,6 +167,13 @@ def test_the_divergence_is_that_from_the_prior() -> None:
     assert divergence_from(Relations(logits, logits, logits), p).item() == pytest.approx(expected, rel=1e-5)
     likely = Relations(logits[:1], logits, logits)
     assert divergence_from(likely, p).item() == pytest.approx(0, abs=1e-6)
+
+
+def test_actions_begin_with_xaviers_normal() -> None:
+    for layer in make_network(PaperReasonConfig(), 0).actions.layers[2::2]:
+        assert isinstance(layer, nn.Linear) and not layer.bias.any()
+        assert layer.weight.std().item() == pytest.approx((2 / (256 + 256)) ** 0.5, rel=0.05)
+        assert layer.weight.abs().max() > (6 / (256 + 256)) ** 0.5, "no uniform distribution of that width"
 
 
 def test_the_prior_is_an_option_that_makes_edges_rarer() -> None:

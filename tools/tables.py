@@ -103,7 +103,9 @@ def new_switches() -> str:
     told = result("new-switches")
     heads = ("precision (boards, switches)", "recall (boards, switches)", "switches found")
     rows = []
-    for name, policies in told["rows"].items():
+    real = result("new-switches-real")["rows"]["new"]
+    named = {f"trained on real objects, seed {seed}": one for seed, one in enumerate(real.values())}
+    for name, policies in (*told["rows"].items(), ("new", named)):
         for policy, one in policies.items():
             cells = [
                 _within(

@@ -97,13 +97,13 @@ def related(folder: Path, assets: str, work: Path, models: Mapping[str, dict[str
 
 def measured(options: argparse.Namespace) -> dict[str, Any]:
     """The result's figures."""
+    others = {Path(one).name: ("--model", one) for one in options.models}
+    if len(others) < len(options.models) or others.keys() & POLICIES.keys():
+        raise UsageError("models are told apart by the names of their folders", f"no two alike, none of {[*POLICIES]}")
     library = options.work / f"drawn-{options.seed}"
     if not library.exists():
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
-    others = {Path(one).name: ("--model", one) for one in options.models}
-    if len(others) < len(options.models) or others.keys() & POLICIES.keys():
-        raise UsageError("models are told apart by the names of their folders", f"no two alike, none of {[*POLICIES]}")
     rows: dict[str, Any] = {}
     data = {}
     for name, assets in (("new", str(library)), *(() if others else (("looked at", "procedural"),))):

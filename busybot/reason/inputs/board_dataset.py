@@ -115,7 +115,9 @@ class BoardDataset(Dataset):
         return graphs
 
 
-def batches_of(dataset: BoardDataset, chosen: Iterable[Sequence[int] | np.ndarray]) -> Iterator[Batch]:
+def batches_of(
+    dataset: torch.utils.data.Dataset[HeteroData] | Sequence[HeteroData], chosen: Iterable[Sequence[int] | np.ndarray]
+) -> Iterator[Batch]:
     """The chosen boards of each batch as one graph."""
     generator = torch.Generator()  # the loader draws a seed for its workers; not from the numbers of the whole process
     return iter(DataLoader(dataset, batch_sampler=chosen, generator=generator))

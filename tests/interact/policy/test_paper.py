@@ -25,7 +25,7 @@ def on_knob(pixel: tuple[int, int]) -> int:
     return inside.index(True) if any(inside) else -1
 
 
-def policy(**rules: float | str) -> PaperPolicy[HeightView]:
+def policy(**rules: float) -> PaperPolicy[HeightView]:
     return PaperPolicy(ButtonModel(), RAYS, PaperRules.model_validate(rules), "test")
 
 

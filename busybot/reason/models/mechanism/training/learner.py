@@ -8,7 +8,6 @@ it goes on learning. The network learns to know early which explanations will; n
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import torch
@@ -21,7 +20,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
-from busybot.reason.inputs.board_dataset import RecordedBoards
+from busybot.reason.inputs.board_dataset import RecordedBoards, batches_of, in_turn
 from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
@@ -30,7 +29,7 @@ from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.mechanism.training.known_links import KnownLinks
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards, labelled
 from busybot.reason.models.mechanism.unseen import Touched
-from busybot.reason.pyg import DataLoader, HeteroData, scatter
+from busybot.reason.pyg import HeteroData, scatter
 from busybot.training.checkpoint import initialise
 from busybot.training.device import device, repeat_exactly
 from busybot.training.loop import Learner, cosine_rate, descend
@@ -80,22 +79,13 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
 
 
 @dataclass(frozen=True)
-class MadeGraphs(Dataset[HeteroData]):
-    """Graphs that are made, or looked up, when a loader asks for them."""
+class GraphsByNumber(Dataset[HeteroData]):
+    """Boards' graphs, made or looked up when a loader asks for them."""
 
-    numbers: Sequence[int]
     make: Callable[[int], HeteroData]
 
-    def __len__(self) -> int:
-        return len(self.numbers)
-
-    def __getitem__(self, place: int) -> HeteroData:
-        return self.make(self.numbers[place])
-
-
-def in_batches(numbers: Sequence[int], at_once: int, make: Callable[[int], HeteroData]) -> Iterator[Any]:
-    """Graphs in their order, so many at once as one; the loader draws nothing of PyTorch's own generator."""
-    return iter(DataLoader(MadeGraphs(numbers, make), batch_size=at_once, generator=torch.Generator()))
+    def __getitem__(self, number: int) -> HeteroData:
+        return self.make(number)
 
 
 def logistic(said: Tensor, true: Tensor) -> tuple[float, float]:
@@ -170,7 +160,8 @@ class MechanismLearner(Learner):
         config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
         chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
         moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
-        [graphs] = in_batches(chosen.tolist(), len(chosen), lambda number: moments_of(self._known(number), moments))
+        known = GraphsByNumber(lambda number: moments_of(self._known(number), moments))
+        [graphs] = batches_of(known, [chosen.tolist()])
         told = torch.from_numpy(rng.random(len(chosen)) >= config.untold)
         graphs["board"].world = graphs["board"].world * told
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
@@ -192,7 +183,8 @@ class MechanismLearner(Learner):
         if not (chosen and self.config.net.changes):
             return
         said, true = [], []
-        for graphs in in_batches(chosen, JUDGED_AT_ONCE, self._half_told):
+        told = GraphsByNumber(lambda place: self._half_told(chosen[place]))
+        for graphs in batches_of(told, in_turn(len(chosen), JUDGED_AT_ONCE, device())):
             with torch.no_grad():
                 said.append(self.network(graphs.to(device()))[2].flatten().cpu())
             true.append(graphs["responder"].changed.float().flatten().cpu())
@@ -248,7 +240,7 @@ class MechanismLearner(Learner):
             self.graph(board, [min(after, board.actions) for after in JUDGED_AFTER]) for board in self.held_out
         ]
         total, count = 0.0, 0
-        for batch in in_batches(range(len(self._judged)), JUDGED_AT_ONCE, self._judged.__getitem__):
+        for batch in batches_of(self._judged, in_turn(len(self._judged), JUDGED_AT_ONCE, device())):
             responders = int(batch["responder"].num_nodes)
             total += float(loss_of(self.network, batch.to(device()), 0.0, self.config.changes)) * responders
             count += responders

@@ -9,6 +9,7 @@ from busybot.view.figures.curves import BASELINES, strength_words
 from busybot.view.report.page import Items, Text, markdown, plain_grid
 from tools.tables import RESULTS, exact, percent, result, whole
 
+SELDOM = 0.05
 SET_OBJECTS = ("procedural", "partnet-mobility")
 
 
@@ -210,6 +211,7 @@ WORLD_ROWS = {
     "mechanism, world not told": "the same, not told the world",
     "mechanism from pictures alone": "trained from pictures alone",
     "mechanism from pictures alone, world not told": "the same, not told the world",
+    "event": "the event model, which learned from the paper's boards",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -220,7 +222,8 @@ WORLD_ROWS = {
 
 
 def worlds() -> str:
-    """For every world and row: parents at both levels, mechanisms, predictions and calibration."""
+    """For every world and row: parents at both levels, mechanisms, predictions, calibration, and how far it is from the
+    network on the same boards."""
     lines = []
     for world, parts in result("worlds")["rows"].items():
         rows = {**parts["rows"], **parts.get("discovery", {}), **parts.get("learned", {})}
@@ -231,10 +234,25 @@ def worlds() -> str:
                 found = " / ".join(whole(middle[key]) for key in ("p", "r"))
                 sure = f"{whole(row['ece_uncertain'])} ({row['uncertain_pairs']})" if row["uncertain_pairs"] else "-"
                 f1 = [_over_actions(row[level]) if level in row else "-" for level in ("object", "link")]
-                asked = [whole(row.get(key)) for key in ("mechanism_accuracy", "what_if", "pred_a")]
-                lines.append((f"{world}: {words}", [str(row["boards"]), f1[0], found, f1[1], *asked, sure]))
-    heads = ("boards", "F1, objects", "P / R at 22", "F1, links", "mechanism", "what if", "Pred-A", "ECE (pairs)")
-    return markdown([plain_grid(heads, lines, "percent after 10 / 22 / 30")])
+                named = " / ".join(whole(row.get(f"{what}_accuracy")) for what in ("mechanism", "kind", "lag"))
+                asked = [whole(row.get(key)) for key in ("what_if", "pred_a")]
+                ahead = _ahead(parts.get("compared", {}).get(name))
+                lines.append(
+                    (f"{world}: {words}", [str(row["boards"]), f1[0], found, f1[1], named, *asked, sure, ahead])
+                )
+    heads = ("boards", "F1, objects", "P / R at 22", "F1, links", "mechanism / kind / lag", "what if", "Pred-A")
+    more = ("ECE (pairs)", "to the network: objects / links / mechanism")
+    return markdown([plain_grid((*heads, *more), lines, "percent after 10 / 22 / 30")])
+
+
+def _ahead(told: dict[str, dict[str, Any]] | None) -> str:
+    """Points to the row that others are compared with; a star where chance alone seldom makes so many."""
+    shares = [(told or {}).get(level) for level in ("object", "link", "mechanism")]
+    cells = ["-"] * len(shares)
+    for place, one in enumerate(shares):
+        if one is not None and one["difference"] is not None:
+            cells[place] = f"{100 * one['difference']:+.0f}{'*' if one['p'] < SELDOM else ''}"
+    return " / ".join(cells) if told else ""
 
 
 def rewirings() -> str:
@@ -280,10 +298,23 @@ def world_plans() -> str:
                 f"{whole(row['micro'])} ({whole(low)}-{whole(high)})",
                 f"{whole(row['solved'])} ({whole(lowest)}-{whole(highest)})",
                 "-" if over is None else f"{over:.2f}",
+                _behind(told.get("compared", {}).get(name)),
             ]
             lines.append((f"{world}: {name}", cells))
-    heads = ("tasks", "success", "responders pooled", "tasks solved", "steps over shortest")
+    heads = (
+        "tasks",
+        "success",
+        "responders pooled",
+        "tasks solved",
+        "steps over shortest",
+        "success to `mechanism` (p)",
+    )
     return markdown([plain_grid(heads, lines, "percent")])
+
+
+def _behind(told: dict[str, Any] | None) -> str:
+    """Points of success to the agent that all are compared with, and how probable so many are by chance."""
+    return "" if told is None else f"{100 * told['difference']:+.1f} ({told['p_success']:.2g})"
 
 
 def kitchens() -> str:

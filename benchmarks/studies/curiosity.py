@@ -1,7 +1,8 @@
 """Which action next: how soon relations are known when chance, turns or curiosity choose what to do.
 
     python -m benchmarks.studies.curiosity --assets DIR --out benchmarks/results/curiosity.json
-        [--parts drawn,greedy,recorded --work FOLDER --policy FOLDER] [--only gates,time] [--boards 60] [--few 12]
+        [--parts drawn,greedy,recorded,stopping --work FOLDER --policy FOLDER] [--only gates,time] [--boards 60]
+        [--few 12]
     python -m benchmarks.studies.curiosity plot --result RESULT --out docs/images/curiosity.png
 
 All are judged by the shipped `mechanism` model: the F1 of the links that it claims after each action.
@@ -14,6 +15,8 @@ All are judged by the shipped `mechanism` model: the F1 of the links that it cla
   known links, `--policy curious` asks the model. Both look for links first. The processor time of an action is told,
   with everything that recording it takes.
 
+- `stopping`: what is curious alone, on other drawn boards, of which there can be many more.
+
 "I know" is said when all parents that are claimed are right with a probability of `CERTAIN`, by the model: after how
 many actions, and how often a parent is then missing or wrong. No test split is looked at.
 """
@@ -21,6 +24,7 @@ many actions, and how often a parent is then missing or wrong. No test split is 
 import argparse
 import sys
 from collections.abc import Iterator
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,9 @@ from benchmarks.studies.bounds import WORKS, Drawn
 from benchmarks.tables.worlds import Recorded
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.boards.spec import BoardSpec
 from busybot.boards.worlds import WORLDS
+from busybot.common.process_pool import default_workers, share
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
@@ -51,11 +57,11 @@ from busybot.view.figures import parts
 from busybot.view.palette import CORRECT, FAINT, MISSED, MUTED, TRIGGER, unit
 
 KIND = "curiosity"
-PARTS = ("drawn", "greedy", "recorded")
+PARTS = ("drawn", "greedy", "recorded", "stopping")
 CHOICES = ("random", "coverage", "curious")
 COLORS = {"random": MISSED, "coverage": TRIGGER, "curious": CORRECT}
 ACTIONS, STEPS = 40, 30
-SEED = 991
+SEED, SEED_OF_STOPPING = 991, 992
 CLAIMED, KNOWN, DRAWS = 0.5, 0.95, 1000
 
 
@@ -123,23 +129,20 @@ class Player:
             self.stop = len(self.counts), bool((claimed == true).all())
 
 
+Played = tuple[list[tuple[int, int, int]], tuple[int, bool] | None]
+"""`Player.counts` and `Player.stop`."""
+
+
 def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, seed: int) -> dict[str, Any]:
     """Figures of each choice on drawn boards."""
-    reasoner = reasoner_of(REASONER)
-    assert isinstance(reasoner, MechanismReasoner)
     specs = list(generate_boards(BoardConfig(world=world, boards=boards, seed=seed, group_size=1), library))
     found: dict[str, Any] = {}
     for choice in choices:
-        players = []
-        for number, spec in enumerate(specs):
-            player = Player(
-                Drawn(spec, library), reasoner, choice, generator(seed, world, number, f"curiosity/{choice}")
-            )
-            for _ in range(ACTIONS):
-                player.act()
-            players.append(player)
-        found[choice] = figures(np.array([player.counts for player in players]), world)
-        stops = [player.stop for player in players if player.stop]
+        # the exact observer may think about a board for longer than workers have for a task
+        workers = 1 if choice == "greedy" else min(default_workers(), len(specs))
+        played = list(share(partial(_played, world, choice, library, seed), enumerate(specs), workers))
+        found[choice] = figures(np.array([counts for counts, _ in played]), world)
+        stops = [stop for _, stop in played if stop]
         found[choice]["stops"] = {
             "boards": len(stops),
             "wrong": sum(not right for _, right in stops),
@@ -149,6 +152,22 @@ def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, s
     for told in found.values() if "greedy" in found else ():
         told["regret"] = float(np.mean(np.subtract(found["greedy"]["f1"], told["f1"])[:STEPS]))
     return found
+
+
+def _played(world: str, choice: str, library: Library, seed: int, drawn_board: tuple[int, BoardSpec]) -> Played:
+    number, spec = drawn_board
+    rng = generator(seed, world, number, f"curiosity/{choice}")
+    player = Player(Drawn(spec, library), _reasoner(), choice, rng)
+    for _ in range(ACTIONS):
+        player.act()
+    return player.counts, player.stop
+
+
+@cache
+def _reasoner() -> MechanismReasoner:
+    reasoner = reasoner_of(REASONER)
+    assert isinstance(reasoner, MechanismReasoner)
+    return reasoner
 
 
 def recorded(world: str, arguments: argparse.Namespace) -> dict[str, Any]:
@@ -216,6 +235,8 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 told[part] = recorded(world, arguments)
             elif part == "drawn":
                 told[part] = drawn(world, arguments.boards, CHOICES, library, SEED)
+            elif part == "stopping":
+                told[part] = drawn(world, arguments.boards, ("curious",), library, SEED_OF_STOPPING)
             else:
                 told[part] = drawn(world, arguments.few, (*CHOICES, "greedy"), library, SEED)
             kept = {name: rows[name] for name in WORLDS if name in rows}

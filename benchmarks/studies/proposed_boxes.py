@@ -22,6 +22,7 @@ KEYS = (
     *("boards", "edge_p", "edge_r", "parent_p", "parent_r", "parent_f1", "link_parent_p", "link_parent_r"),
     *("link_parent_f1", "mechanism_accuracy", "pred_a", "what_if", "ece_uncertain", "uncertain_pairs"),
     *("proposal_r", "proposal_r_triggers", "proposal_r_responders", "proposal_r_boxes", "proposal_p"),
+    *("rewirings", "rewired_found", "rewired_placed", "rewired_false_alarms"),
     *("intervals", "object_intervals", "hashes"),
 )
 

@@ -37,8 +37,9 @@ frozen: Any = import_module("datasets.worlds")
 KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
 FIGURES = (
     "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met", "mechanisms_met",
-    "parent_p", "parent_r", "what_if", "what_if_pairs", "pred_a", "rewirings", "rewired_found",
-    "rewired_found_bound", "rewired_placed", "rewired_placed_bound", "rewired_false_alarms",
+    "parent_p", "parent_r", "shd", "shd_bound", "kind_accuracy", "kind_bound", "lag_accuracy", "lag_bound", "what_if",
+    "what_if_pairs", "pred_a", "pred_a_successful", "rewirings", "rewired_found", "rewired_found_bound",
+    "rewired_placed", "rewired_placed_bound", "rewired_false_alarms", "cause_intervals",
 )  # fmt: skip
 ALL = (*WORLDS, PAPER)
 POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")

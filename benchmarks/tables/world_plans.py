@@ -16,6 +16,8 @@ agents (`--learned`) play where they can practise: in `gates` and `lock`, whose 
 Who records may be another policy (`--history`): `learned`, or `curious`, which asks MODEL what would tell most, each
 with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows.
 
+All agents are compared with `mechanism`, task by task (`compared`).
+
 Asked for by name, boards of `lock` have so many locks behind each other: five and more take boards of more links.
 """
 
@@ -41,6 +43,9 @@ from benchmarks.tables.table3 import folders_of, training
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
+from busybot.common.rng import generator
+from busybot.evaluation.folder import BOARDS
+from busybot.plan.metrics import JudgedTask, summarise
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -99,6 +104,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "least_steps": told[0]["least_steps"],
             "agents": {name: {key: row[key] for key in DETAILS} for name, row in played.items()},
             "training": {name: _training(folder) for name, folder in learned.items()},
+            "compared": compared([Path(command[-1]) for command in asked[2:]], list(played), world),
             **{key: _grouped([one[key] for one in told]) for key in ("by_locks", "by_unmoved")},
         }
         yield {
@@ -107,6 +113,17 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
+
+
+def compared(evaluations: list[Path], agents: list[str], world: str) -> dict[str, Any]:
+    """Each agent against the first one, on the same tasks, as within one evaluation."""
+    tasks: dict[int, JudgedTask] = {}
+    for file in (folder / BOARDS for folder in evaluations):
+        for task in map(JudgedTask.model_validate_json, file.read_text(encoding="utf-8").splitlines()):
+            known = tasks.get(task.board, task.model_copy(update={"rollouts": ()}))
+            tasks[task.board] = known.model_copy(update={"rollouts": (*known.rollouts, *task.rollouts)})
+    rng = generator(SEED, world, 0, "world-plans/compared")
+    return dict(summarise([tasks[board] for board in sorted(tasks)], agents, rng)["compared"])
 
 
 def _training(folder: Path) -> dict[str, Any]:

@@ -14,18 +14,19 @@ by that policy and photographed as the frozen boards are (`benchmarks.tables.wor
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
 (the exact observer after random, coverage-first and greedy choice of links, on the first boards, without a simulator);
-on request `learned`: a trained model of relations.
+on request `learned`: a trained model of relations. Where the one that ships has been judged, all rows of the world are
+compared with it, on the boards that both have (`compared`).
 
 All commands resume: `record` where it was stopped, the other after the last world and part that it wrote.
 """
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -52,7 +53,7 @@ from busybot.common.rng import generator
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.statistics import two_level_interval
+from busybot.evaluation.statistics import compare_boards, two_level_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, count_parents, judge_causes, law_of
@@ -82,20 +83,18 @@ FEW, CHOOSING, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
 MECHANISMS = (
-    "mechanism_accuracy",
-    "what_if",
-    "what_if_pairs",
-    "ece_uncertain",
-    "ece_by_chance",
-    "uncertain_pairs",
-    "shd",
+    *("mechanism_accuracy", "kind_accuracy", "lag_accuracy", "what_if", "what_if_pairs", "ece_uncertain"),
+    *("ece_by_chance", "uncertain_pairs", "shd"),
 )
 REWIRED = (
     "rewirings",
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
 )
 ALONE, UNTOLD = " from pictures alone", ", world not told"
+SHIPPED = "mechanism"
+"""The row that others are compared with."""
 Judged = list[tuple[BoardSpec, JudgedCauses]]
+Told = TypeVar("Told")
 
 
 def record(words: list[str]) -> None:
@@ -141,8 +140,11 @@ class Recorded:
 
     def boards(self, most: int | None = None) -> Iterator[Seen]:
         """The first boards that were acted on."""
-        for index in sorted(self.dataset.finished())[:most]:
-            yield Seen.of(read_episode(self.dataset.episode_path(index), "lazy"), self.features[index])
+        yield from map(self.seen, sorted(self.dataset.finished())[:most])
+
+    def seen(self, index: int) -> Seen:
+        """The board of a number."""
+        return Seen.of(read_episode(self.dataset.episode_path(index), "lazy"), self.features[index])
 
     def judge(self, seen: Seen, config: LookupConfig, causes: bool = True) -> Any:
         """`lookup` on a board; without causes only its predictions count."""
@@ -165,16 +167,16 @@ def chosen_constants(training: Recorded) -> Tuned:
 
 
 def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> dict[str, Any]:
-    """Figures of a trained model, under its name, and of the same one where it is not told the world."""
+    """Figures of a trained model, under its name, and of one that reads in which world it is where nobody tells it."""
     card = read_info(find_folder(model, "reason"), ReasonerInfo)
     name = f"{card.model}{ALONE if card.training.get('labels') == 'none' else ''}"
-    return {f"{name}{'' if told else UNTOLD}": _learned(validation, model, most, seed, told) for told in (True, False)}
+    ways = (True, False) if card.model == SHIPPED else (True,)
+    return {f"{name}{'' if told else UNTOLD}": _learned(validation, model, most, seed, told) for told in ways}
 
 
 def _learned(validation: Recorded, model: Path, most: int | None, seed: int, world: bool) -> dict[str, Any]:
     judging = ReasonEvaluation(str(model), library=validation.library, curve=(), told=world)
-    boards = sorted(validation.dataset.finished())[:most]
-    judged = list(share(partial(_judged, validation, judging), boards, min(default_workers(), len(boards))))
+    judged = _by_all_cores(partial(_judged, validation, judging), validation, most)
     told = summarise_predictions([(one.board, one.forecast) for one in judged if one.forecast is not None])
     causes = [(one.board, one.causes) for one in judged if one.causes is not None]
     row = figures(causes, seed, (*MECHANISMS, *REWIRED))
@@ -189,29 +191,32 @@ def _judged(validation: Recorded, judging: ReasonEvaluation, index: int) -> Judg
 def rows_of(validation: Recorded, found: Tuned, most: int | None, seed: int) -> dict[str, Any]:
     """Figures of each row, by its name."""
     judged: dict[str, Judged] = {}
-    forecasts: list[tuple[BoardSpec, JudgedPrediction]] = []
-    detections = []
-    for number, seen in enumerate(validation.boards(most)):
-        board, causes, seen_causes, right = _of_board(validation, seen, found)
+    told = _by_all_cores(partial(_of_board, validation, found), validation, most)
+    for board, causes, _, _ in told:
         for name, one in causes.items():
             judged.setdefault(name, []).append((board, one))
-        detections.append(right)
-        forecasts.append((board, seen_causes))
-        _progress(number)
     rows = {name: figures(boards, seed) for name, boards in judged.items()}
-    told = summarise_predictions(forecasts)
-    rows["lookup"]["pred_a"], rows["persistence"]["pred_a"] = told["pred_a"], told["persistence"]["pred_a"]
+    forecasts = [(board, forecast) for board, _, forecast, _ in told]
+    foretold = summarise_predictions(forecasts)
+    rows["lookup"]["pred_a"], rows["persistence"]["pred_a"] = foretold["pred_a"], foretold["persistence"]["pred_a"]
     rows["lookup"]["pred_a_interval"] = intervals(forecasts, seed)["pred_a"]
     rows["observer-detected"]["detected"] = dict(
-        zip(("clusters", "links", "responders"), np.mean(detections, axis=0).tolist(), strict=True)
+        zip(("clusters", "links", "responders"), np.mean([right for *_, right in told], axis=0).tolist(), strict=True)
     )
     return rows
 
 
+def _by_all_cores(function: Callable[[int], Told], validation: Recorded, most: int | None) -> list[Told]:
+    """What a function tells of each of the first boards, by their numbers."""
+    boards = sorted(validation.dataset.finished())[:most]
+    return list(share(function, boards, min(default_workers(), len(boards))))
+
+
 def _of_board(
-    validation: Recorded, seen: Seen, found: Tuned
+    validation: Recorded, found: Tuned, index: int
 ) -> tuple[BoardSpec, dict[str, JudgedCauses], JudgedPrediction, tuple[float, float, float]]:
     """Judged causes by row, predictions of `lookup`, and what is detected (`Seen.detected_rightly`)."""
+    seen = validation.seen(index)
     looked = validation.judge(seen, found.lookup)
     truth = looked.causes
     clusters = seen.clusters
@@ -241,10 +246,10 @@ def claimed_by(judged: JudgedCauses, seen: Seen, graph: InferredGraph) -> Judged
     claimed = np.array([graph.claimed(number) for number in range(count + 1)]) & judged.candidates
     links = None if graph.links is None else count_links(seen.episode, graph.links, graph.threshold, claimed)
     probabilities = np.array([graph.after(number) for number in range(count + 1)], np.float32)
+    unasked = [replace(one, right=None, kind_right=None, lag_right=None) for one in judged.mechanisms]
     return replace(
-        judged, claimed=claimed, probabilities=probabilities, links=links,
-        mechanisms=tuple(replace(one, right=None) for one in judged.mechanisms), told=None,
-    )  # fmt: skip
+        judged, claimed=claimed, probabilities=probabilities, links=links, mechanisms=tuple(unasked), told=None
+    )
 
 
 def observer_of(judged: JudgedCauses) -> JudgedCauses:
@@ -253,23 +258,53 @@ def observer_of(judged: JudgedCauses) -> JudgedCauses:
     Where nothing explains what was told it, it claims nothing.
     """
     bound = np.zeros_like(judged.claimed) if judged.bound is None else judged.bound
+    known = [
+        replace(one, right=bool(one.bound), kind_right=bool(one.kind_bound), lag_right=bool(one.lag_bound))
+        for one in judged.mechanisms
+    ]
     return replace(
         judged, claimed=bound, probabilities=bound.astype(np.float32), links=judged.links_bound,
-        mechanisms=tuple(replace(one, right=bool(one.bound)) for one in judged.mechanisms), told=None,
+        mechanisms=tuple(known), told=None,
     )  # fmt: skip
 
 
 def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dict[str, Any]:
-    """Parents after each of `ACTIONS` at both levels, and what is asked after 22."""
+    """Parents after each of `ACTIONS` at both levels, what is asked after 22, and of each board what is compared."""
     told = summarise_causes([*judged], IMAGES, None, seed)
     objects = [[count_parents(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
     found = {"boards": len(judged), "object": _parents(judged, objects, seed)}
+    by_board = {"object": _f1_of_boards(objects)}
     links = [None if one.links is None else [one.links[k] for k in ACTIONS] for _, one in judged]
     if any(one is not None for one in links):
         empty = [np.zeros_like(own) for own in objects[0]]
-        found["link"] = _parents(judged, [empty if one is None else one for one in links], seed)
+        filled = [empty if one is None else one for one in links]
+        found["link"], by_board["link"] = _parents(judged, filled, seed), _f1_of_boards(filled)
+    asked_of = [
+        [one.right for one in causes.mechanisms if one.driven and one.right is not None] for _, causes in judged
+    ]
+    if any(asked_of):
+        by_board["mechanism"] = {"part": [sum(one) for one in asked_of], "whole": [len(one) for one in asked_of]}
     mechanism = told["cause_intervals"]["objects"]["mechanism_accuracy"]
-    return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism}
+    return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism, "by_board": by_board}
+
+
+def _f1_of_boards(counts: Sequence[Sequence[np.ndarray]]) -> dict[str, list[int]]:
+    """Part and whole of F1 on each board, as `compare_boards` takes them, after the actions that mechanisms are asked
+    after; counts as of `_parents`."""
+    sums = [each[ACTIONS.index(IMAGES - 1)].sum(0).tolist() for each in counts]
+    return {"part": [2 * hits for hits, _, _ in sums], "whole": [claimed + true for _, claimed, true in sums]}
+
+
+def compared(told: dict[str, Any], world: str, seed: int) -> dict[str, Any]:
+    """Of each row of a world the difference to `SHIPPED` on the boards that both have; empty where that is missing."""
+    rows = {name: row for part in COMPARED for name, row in told.get(part, {}).items() if "by_board" in row}
+    if SHIPPED not in rows:
+        return {}
+    first, own = rows.pop(SHIPPED)["by_board"], {name: row["by_board"] for name, row in rows.items()}
+    return {
+        name: compare_boards(first, one, generator(seed, world, 0, f"worlds/compared/{name}"))
+        for name, one in own.items()
+    }
 
 
 def _parents(judged: Judged, counts: Sequence[Sequence[np.ndarray]], seed: int) -> dict[str, Any]:
@@ -298,24 +333,24 @@ def _parents(judged: Judged, counts: Sequence[Sequence[np.ndarray]], seed: int) 
     return found
 
 
-def discovery_of(training: Recorded, validation: Recorded, found: Tuned, boards: int, seed: int) -> dict[str, Any]:
+def discovery_of(training: Recorded, validation: Recorded, boards: int, seed: int) -> dict[str, Any]:
     """Figures of the methods of discovery, with what was tuned."""
-    tuning, judged = list(training.boards(TUNING)), list(validation.boards(boards))
-    rows: dict[str, Any] = {}
+    tuning, rows = list(training.boards(TUNING)), dict[str, Any]()
     for name in METHODS:
         config = tuned_discovery(tuning, name)
-        told = [(seen.episode.board, _discovered(validation, seen, found, name, config)) for seen in judged]
+        told = _by_all_cores(partial(_discovered, validation, name, config), validation, boards)
         rows[name] = {"tuned": config.model_dump(mode="json"), **figures(told, seed)}
         print(f"{name}: {rows[name]['object']['22']['f1']:.2f}", file=sys.stderr, flush=True)
     return rows
 
 
-def _discovered(validation: Recorded, seen: Seen, found: Tuned, name: str, config: DiscoveryConfig) -> JudgedCauses:
+def _discovered(validation: Recorded, name: str, config: DiscoveryConfig, index: int) -> tuple[BoardSpec, JudgedCauses]:
+    seen = validation.seen(index)
     clusters = seen.clusters
     graph = discovered(seen, clusters, name, strengths(seen, clusters, name, config), config)
     observed = observe_episode(seen.episode)
     watched = Watched(seen.episode, pushes_of(observed), seen.sequence.acted, judged_objects(observed), IMAGES)
-    return judge_causes(watched, graph)
+    return seen.episode.board, judge_causes(watched, graph)
 
 
 def exploring(world: str, specs: Sequence[BoardSpec], library: Library, greedy: int, seed: int) -> dict[str, Any]:
@@ -333,12 +368,8 @@ def exploring(world: str, specs: Sequence[BoardSpec], library: Library, greedy: 
     return found
 
 
-def _progress(number: int) -> None:
-    if number % 20 == 0:
-        print(f"board {number}", file=sys.stderr, flush=True)
-
-
 PARTS, LEARNED = ("rows", "discovery", "exploring"), "learned"
+COMPARED = ("rows", "discovery", LEARNED)
 
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
@@ -352,6 +383,7 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 continue
             print(f"{world}, {part}", file=sys.stderr, flush=True)
             told[part] = _part(part, world, told, arguments)
+            told["compared"] = compared(told, world, RECORDED["validation"][1])
             yield {
                 "assets": runner.assets_name(arguments.assets),
                 "rows": {one: rows[one] for one in NAMES if one in rows},
@@ -377,8 +409,7 @@ def _part(part: str, world: str, told: dict[str, Any], arguments: argparse.Names
         return {**told.get(LEARNED, {}), **rows}  # of other models
     training = Recorded.at(folder / "training", arguments.assets)
     if part == "discovery":
-        found = Tuned.model_validate(told["rows"]["tuned"])
-        return discovery_of(training, validation, found, arguments.few, seed)
+        return discovery_of(training, validation, arguments.few, seed)
     found = chosen_constants(training)
     rows = rows_of(validation, found, arguments.boards, seed)
     sets = {"training": training.dataset, "validation": validation.dataset}

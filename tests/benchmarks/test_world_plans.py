@@ -3,7 +3,11 @@
 from argparse import Namespace
 from pathlib import Path
 
-from benchmarks.tables.world_plans import commands
+import pytest
+
+from benchmarks.tables.world_plans import commands, compared
+from busybot.evaluation.folder import BOARDS
+from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
 
 
 def players(world: str) -> list[str]:
@@ -19,3 +23,30 @@ def test_the_papers_agents_play_everywhere_learned_ones_where_they_can_practise(
     ours, others = players("time")
     assert ours == "mechanism" and {"relation", "predictive", "busybot", "search"} < set(others.split(","))
     assert players("gates") == players("lock-5-to-8") == [ours, others, "bc=b,ppo=p"]
+
+
+def lamp(reached: bool) -> JudgedResponder:
+    return JudgedResponder(object=0, key="Lamp/1", kind="gate", asked=True, reached=reached, looks_reached=reached)
+
+
+def judged(folder: Path, reached: dict[str, list[bool]]) -> Path:
+    """An evaluation of tasks with one responder, by agent and task."""
+    folder.mkdir()
+    lines = []
+    for board in reversed(range(8)):  # in the order in which they were finished
+        rollouts = [
+            JudgedRollout(agent=agent, steps=1, succeeded=1, stopped="", responders=(lamp(own[board]),))
+            for agent, own in reached.items()
+        ]
+        lines.append(JudgedTask(board=board, kind="reach", least_steps=1, rollouts=tuple(rollouts)).model_dump_json())
+    (folder / BOARDS).write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+    return folder
+
+
+def test_agents_of_several_evaluations_are_compared_task_by_task(tmp_path: Path) -> None:
+    first = judged(tmp_path / "first", {"mechanism": [True] * 8})
+    others = judged(tmp_path / "others", {"search": [True] * 8, "noop": [False] * 7 + [True]})
+    told = compared([first, others], ["mechanism", "search", "noop"], "gates")
+    assert told.keys() == {"search", "noop"} and told["search"]["differing"] == 0 and told["search"]["p_success"] == 1
+    assert told["noop"]["difference"] == pytest.approx(-7 / 8) and told["noop"]["differing"] == 7
+    assert told["noop"]["p_solved"] == told["noop"]["p_success"] == pytest.approx(2 / 2**7), "all signs but two"

@@ -70,6 +70,18 @@ def test_pairs_are_compared_within_their_group() -> None:
     assert compared(score, true, np.zeros(6, int)) == (5.5, 9)
 
 
+def test_rows_are_compared_with_the_model_that_ships_on_the_boards_that_both_have() -> None:
+    def row(right: int, boards: int) -> dict[str, Any]:
+        return {"boards": boards, "by_board": {"object": {"part": [right] * boards, "whole": [8] * boards}}}
+
+    told = {"rows": {"tuned": {}, "count": row(4, 10)}, LEARNED: {"mechanism": row(8, 6)}}
+    found = worlds.compared(told, "gates", 0)
+    assert found.keys() == {"count"} and found["count"]["object"]["boards"] == 6
+    assert found["count"]["object"]["difference"] == -0.5 and found["count"]["object"]["p"] == 2 / 2**6
+    del told[LEARNED]
+    assert worlds.compared(told, "gates", 0) == {}
+
+
 @pytest.mark.long
 def test_a_small_table(tmp_path: Path) -> None:
     """Two boards of one world: recorded, judged and examined for shortcuts."""
@@ -83,6 +95,9 @@ def test_a_small_table(tmp_path: Path) -> None:
     assert rows["observer"]["object"]["30"]["f1"] > rows["persistence"]["object"]["30"]["f1"] == 0
     assert rows["persistence"]["mechanism_accuracy"] == 0 and rows["observer"]["link"]["30"]["p"] > 0.5
     assert rows["observer-detected"]["detected"]["responders"] > 0.95
+    assert rows["observer"]["lag_accuracy"] == 1 and rows["count"]["lag_accuracy"] is None
+    parents = rows["observer"]["by_board"]["object"]
+    assert sum(parents["part"]) / sum(parents["whole"]) == pytest.approx(rows["observer"]["object"]["22"]["f1"])
     assert {name: one["boards"] for name, one in told["exploring"].items()} == {"random": 2, "coverage": 2, "greedy": 1}
     recorded = Recorded.at(data / "gates" / "validation", "procedural")
     for seen in recorded.boards():

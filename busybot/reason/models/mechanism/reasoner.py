@@ -49,14 +49,13 @@ from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import Batch, HeteroData
 
 KINDS = {
-    "none": "rest",
-    "own": "flicker",
     "own and now": "unreliable",
     "odd": "toggle",
     "since": "timer",
     "last": "latch",
 }
-"""Kinds of mechanisms (`boards.mechanisms`) by what is remembered; what remembers nothing is named by its inputs."""
+"""Kinds of mechanisms (`boards.mechanisms`) by what is remembered; what remembers nothing is named by its inputs, and
+what has no inputs by when it changes."""
 
 CHANGED = 0.5
 """A mechanism that is more probably another one than at first is taken for another one."""
@@ -403,12 +402,26 @@ class MechanismReasoner:
 
     def _named(self, known: _Understood, objects: int) -> tuple[tuple[str, ...], np.ndarray]:
         kinds, lags = [""] * objects, np.full(objects, -1)
-        count = len(known.perceived.links.owners)
-        for index, shares in zip(known.perceived.responders, known.shares, strict=True):
-            best = int(shares.argmax())
-            inputs, memory = known.found.inputs[best], REMEMBERED[known.found.memory[best]]
+        count, best = len(known.perceived.links.owners), known.shares.argmax(axis=1)
+        inputs_of, shown = known.found.inputs[best], known.perceived.trace.responders
+        by_itself = _by_itself((shown[1:] != shown[:-1]).T, ~inputs_of.any(axis=1))
+        for number, index in enumerate(known.perceived.responders):
+            inputs, memory = inputs_of[number], REMEMBERED[known.found.memory[best[number]]]
             by_inputs = "delay" if memory.delay else "one-to-one" if inputs.sum() == 1 else "gate"
-            kinds[index] = KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
+            kinds[index] = by_itself[number] or KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
             if inputs.any():
                 lags[index] = memory.delay + int(inputs[count:].any())
         return tuple(kinds), lags
+
+
+def _by_itself(changed: np.ndarray, alone: np.ndarray) -> list[str]:
+    """The kind of what no input moves, empty where one does: at rest, flickering, or moved by a clock that nobody sees,
+    as what always changes together is.
+
+    Args:
+        changed: bool (R, T), which responders changed after each action.
+        alone: bool (R,), which have no inputs.
+    """
+    together = (changed[:, None] == changed).all(axis=2) & alone & ~np.eye(len(changed), dtype=bool)
+    kinds = np.where(together.any(axis=1), "clock", "flicker")
+    return np.where(alone, np.where(changed.any(axis=1), kinds, "rest"), "").tolist()

@@ -37,7 +37,7 @@ from busybot.reason.models.mechanism.contexts import (
 from busybot.reason.models.mechanism.laws import Moment
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
-from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _Understood
+from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _by_itself, _Understood
 from busybot.reason.models.mechanism.training.labelled import draw_boards, labelled
 from busybot.reason.models.mechanism.training.learner import _looked_at
 from busybot.reason.models.mechanism.unseen import Touched
@@ -479,3 +479,12 @@ def test_what_failed_would_have_failed() -> None:
     assert known.following(both, np.array([0])).tolist() == [1], "where luck is given"
     assert known.following(both, np.array([0]), 2).tolist() == [0], "it failed then"
     assert known.following(both, np.array([0]), 3).tolist() == [1]
+
+
+def test_what_no_link_moves_is_named_by_when_it_changes() -> None:
+    changed = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 1], [1, 0, 1], [1, 0, 1]], bool)
+    alone = np.array([True, True, True, True, False])
+    assert _by_itself(changed, alone) == ["rest", "flicker", "clock", "clock", ""]
+    assert _by_itself(changed[2:], alone[2:])[-1] == "", "one that a link moves in the same steps"
+    assert _by_itself(changed[3:], alone[3:]) == ["flicker", ""], "is no sign of a clock"
+    assert _by_itself(np.zeros((2, 0), bool), np.ones(2, bool)) == ["rest", "rest"], "before the first action"

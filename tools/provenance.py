@@ -36,7 +36,7 @@ KNOWN = {
     },
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
-        *("real_board", "worlds", "worlds-procedural", "worlds-real"),
+        *("real_board", "worlds-procedural", "worlds-real"),
     },
     ABSENT: {"collection-parts", "drawing", "frames-speed", "opening", "real_camera", "streaming"},
     SEVERAL: {"table1", "world-gates"},

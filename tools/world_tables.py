@@ -368,7 +368,8 @@ def exploring() -> str:
 def curiosity() -> str:
     """After how many actions relations are known, by way of choosing them."""
     lines = []
-    for part, name in (("drawn", "curiosity"), ("recorded", "curiosity-recorded")):
+    files = {"drawn": "curiosity", "recorded": "curiosity-recorded", "stopping": "curiosity-stops"}
+    for part, name in files.items():
         for world, parts in result(name)["rows"].items():
             for choice, told in parts[part].items():
                 most, (low, high) = len(told["f1"]), told["until_interval"]

@@ -14,8 +14,8 @@ by that policy and photographed as the frozen boards are (`benchmarks.tables.wor
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
 (the exact observer after random, coverage-first and greedy choice of links, on the first boards, without a simulator);
-on request `learned`: a trained model of relations. Where the one that ships has been judged, all rows of the world are
-compared with it, on the boards that both have (`compared`).
+on request `learned`: a trained model of relations. Where a network that had labels has been judged, all rows of the
+world are compared with it, on the boards that both have (`compared`).
 
 All commands resume: `record` where it was stopped, the other after the last world and part that it wrote.
 """
@@ -91,8 +91,8 @@ REWIRED = (
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
 )
 ALONE, UNTOLD = " from pictures alone", ", world not told"
-SHIPPED = "mechanism"
-"""The row that others are compared with."""
+NETWORK = "mechanism"
+"""The row that others are compared with: the network that learned from labels, told the world."""
 Judged = list[tuple[BoardSpec, JudgedCauses]]
 Told = TypeVar("Told")
 
@@ -170,7 +170,7 @@ def learned(validation: Recorded, model: Path, most: int | None, seed: int) -> d
     """Figures of a trained model, under its name, and of one that reads in which world it is where nobody tells it."""
     card = read_info(find_folder(model, "reason"), ReasonerInfo)
     name = f"{card.model}{ALONE if card.training.get('labels') == 'none' else ''}"
-    ways = (True, False) if card.model == SHIPPED else (True,)
+    ways = (True, False) if card.model == NETWORK else (True,)
     return {f"{name}{'' if told else UNTOLD}": _learned(validation, model, most, seed, told) for told in ways}
 
 
@@ -296,11 +296,11 @@ def _f1_of_boards(counts: Sequence[Sequence[np.ndarray]]) -> dict[str, list[int]
 
 
 def compared(told: dict[str, Any], world: str, seed: int) -> dict[str, Any]:
-    """Of each row of a world the difference to `SHIPPED` on the boards that both have; empty where that is missing."""
+    """Of each row of a world the difference to `NETWORK` on the boards that both have; empty where that is missing."""
     rows = {name: row for part in COMPARED for name, row in told.get(part, {}).items() if "by_board" in row}
-    if SHIPPED not in rows:
+    if NETWORK not in rows:
         return {}
-    first, own = rows.pop(SHIPPED)["by_board"], {name: row["by_board"] for name, row in rows.items()}
+    first, own = rows.pop(NETWORK)["by_board"], {name: row["by_board"] for name, row in rows.items()}
     return {
         name: compare_boards(first, one, generator(seed, world, 0, f"worlds/compared/{name}"))
         for name, one in own.items()

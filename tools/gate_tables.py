@@ -243,11 +243,12 @@ def _curious() -> Iterator[_Line]:
         own, against = (parts["recorded"][choice] for choice in ("curious", "learned"))
         told = _times(own["until"], against["until"], len(own["f1"]), 0.7)
         yield f"{world}, pictures: actions until 95, to those of a draw among known links", (_asked_times(0.7), told)
-    stops = [parts["stopping"]["curious"]["stops"] for parts in result("curiosity-stops")["rows"].values()]
+    found = {"drawn": rows, "stopping": result("curiosity-stops")["rows"]}
+    stops = [one[part]["curious"]["stops"] for part, worlds in found.items() for one in worlds.values()]
     count, wrong = (sum(one[key] for one in stops) for key in ("boards", "wrong"))
     low, high = binomial_interval(wrong, count) or (0.0, 1.0)
     shown = f"{wrong} of {count} ({100 * low:.0f}-{100 * high:.0f})"
-    words = f"said to know and wrong, of what was said, worlds: {len(stops)}, states told"
+    words = f"said to know and wrong, of what was said in {len(rows)} worlds, states told"
     yield _line(words, _Gate("", wrong / count if count else None, 0.03, False), shown)
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)

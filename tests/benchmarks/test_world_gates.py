@@ -154,7 +154,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     assert told["gates, states told: actions until 95, to those of random choice"] == "10 to 10: 1.00 ✗"
     drawn = "gates, pictures: actions until 95, to those of a draw among known links"
     assert told[drawn] == "10 to over 40: at most 0.24 ✓"
-    assert told["said to know and wrong, of what was said, worlds: 1, states told"] == "1 of 4 (1-81) ✗"
+    assert told["said to know and wrong, of what was said in 1 worlds, states told"] == "2 of 8 (3-65) ✗"
     assert told["CPU-ms of a curious action, pictures, simulation and all, the dearer of `gates` and `time`"] == "120 ✓"
     assert (
         told["time, scripted histories: goals reached"] == "95.0 ✓"

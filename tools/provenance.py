@@ -38,7 +38,7 @@ KNOWN = {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
         *("real_board", "worlds-procedural", "worlds-real"),
     },
-    ABSENT: {"collection-parts", "drawing", "frames-speed", "opening", "real_camera", "streaming"},
+    ABSENT: {"opening"},
     SEVERAL: {"table1", "world-gates"},
     NO_HASHES: {"mechanism-ablations", "mechanisms", "shortcuts"},
 }

@@ -206,12 +206,12 @@ def bounds_worlds() -> str:
 
 WORLD_ROWS = {
     "observer": "exact observer, truth",
-    "observer-detected": "exact observer, detected",
-    "mechanism": "mechanism network, pictures",
-    "mechanism, world not told": "the same, not told the world",
-    "mechanism from pictures alone": "trained from pictures alone",
-    "mechanism from pictures alone, world not told": "the same, not told the world",
-    "event": "the event model, which learned from the paper's boards",
+    "observer-detected": "exact observer, pictures",
+    "mechanism": "network",
+    "mechanism, world not told": "network, world not told",
+    "mechanism from pictures alone": "from pictures alone",
+    "mechanism from pictures alone, world not told": "from pictures alone, world not told",
+    "event": "event",
     "count": "counting",
     "lookup": "lookup",
     "pc": "PC",
@@ -222,37 +222,36 @@ WORLD_ROWS = {
 
 
 def worlds() -> str:
-    """For every world and row: parents at both levels, mechanisms, predictions, calibration, and how far it is from the
-    network on the same boards."""
-    lines = []
+    """For every world and row: parents at both levels; mechanisms, predictions and calibration; each with how far it is
+    from the network on the same boards."""
+    parents, more = [], []
     for world, parts in result("worlds")["rows"].items():
-        rows = {**parts["rows"], **parts.get("discovery", {}), **parts.get("learned", {})}
+        rows = {**parts["rows"], **parts["discovery"], **parts["learned"]}
         for name, words in WORLD_ROWS.items():
-            if name in rows:
-                row = rows[name]
-                middle = row["object"]["22"]
-                found = " / ".join(whole(middle[key]) for key in ("p", "r"))
-                sure = f"{whole(row['ece_uncertain'])} ({row['uncertain_pairs']})" if row["uncertain_pairs"] else "-"
-                f1 = [_over_actions(row[level]) if level in row else "-" for level in ("object", "link")]
-                named = " / ".join(whole(row.get(f"{what}_accuracy")) for what in ("mechanism", "kind", "lag"))
+            row, ahead = rows[name], parts["compared"].get(name, {})
+            f1 = [_over_actions(row[level]) if level in row else "-" for level in ("object", "link")]
+            found = " / ".join(whole(row["object"]["22"][key]) for key in ("p", "r"))
+            parents.append((f"{world}: {words}", [f1[0], _ahead(ahead, "object"), found, f1[1], _ahead(ahead, "link")]))
+            if row["mechanism_accuracy"] is not None:
+                named = [whole(row[f"{what}_accuracy"]) for what in ("mechanism", "kind", "lag")]
                 asked = [whole(row.get(key)) for key in ("what_if", "pred_a")]
-                ahead = _ahead(parts.get("compared", {}).get(name))
-                lines.append(
-                    (f"{world}: {words}", [str(row["boards"]), f1[0], found, f1[1], named, *asked, sure, ahead])
-                )
-    heads = ("boards", "F1, objects", "P / R at 22", "F1, links", "mechanism / kind / lag", "what if", "Pred-A")
-    more = ("ECE (pairs)", "to the network: objects / links / mechanism")
-    return markdown([plain_grid((*heads, *more), lines, "percent after 10 / 22 / 30")])
+                sure = f"{whole(row['ece_uncertain'])} ({row['uncertain_pairs']})" if row["uncertain_pairs"] else "-"
+                more.append((f"{world}: {words}", [named[0], _ahead(ahead, "mechanism"), *named[1:], *asked, sure]))
+    to_network = "to the network"
+    heads = ("F1, objects", to_network, "P / R at 22", "F1, links", to_network)
+    asked_heads = ("mechanism", to_network, "kind", "lag", "what if", "Pred-A", "ECE (pairs)")
+    return markdown(
+        [plain_grid(heads, parents, "percent after 10 / 22 / 30"), plain_grid(asked_heads, more, "percent after 22")]
+    )
 
 
-def _ahead(told: dict[str, dict[str, Any]] | None) -> str:
+def _ahead(told: dict[str, dict[str, Any]], level: str) -> str:
     """Points to the row that others are compared with; a star where chance alone seldom makes so many."""
-    shares = [(told or {}).get(level) for level in ("object", "link", "mechanism")]
-    cells = ["-"] * len(shares)
-    for place, one in enumerate(shares):
-        if one is not None and one["difference"] is not None:
-            cells[place] = f"{100 * one['difference']:+.0f}{'*' if one['p'] < SELDOM else ''}"
-    return " / ".join(cells) if told else ""
+    one = told.get(level)
+    if one is None or one["difference"] is None:
+        return ""
+    points = round(100 * one["difference"])
+    return f"{f'{points:+d}' if points else '0'}{'*' if one['p'] < SELDOM else ''}"
 
 
 def rewirings() -> str:

@@ -90,6 +90,26 @@ class _Understood:
     def trace(self) -> Trace:
         return self.perceived.trace
 
+    @cached_property
+    def likeliest(self) -> np.ndarray:
+        """int (R,), the explanations that are most probable at the end."""
+        return self.shares.argmax(axis=1)
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """bool (R, L + R), what these read."""
+        return self.found.inputs[self.likeliest]
+
+    @property
+    def changed(self) -> np.ndarray:
+        """bool (R, T), which responders changed after each action."""
+        return (self.trace.responders[1:] != self.trace.responders[:-1]).T
+
+    @cached_property
+    def together(self) -> np.ndarray:
+        """bool (R, R), see `_together`."""
+        return _together(self.changed, np.logical_not(self.inputs.any(axis=1)))
+
     def at(self, moment: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """What is known of the mechanisms that decided responders at a moment, the end by default: bool (R, T + 1), the
         moments that tell of them, at which these did, or all as long as few are since a change; float (R, H), the
@@ -397,31 +417,31 @@ class MechanismReasoner:
         names += [f"object {responder}" for responder in known.perceived.responders]
         told = [""] * objects
         for number, responder in enumerate(known.perceived.responders):
-            told[responder] = laws.words(number, names)
+            others = " and ".join(names[len(owners) + other] for other in np.flatnonzero(known.together[number]))
+            told[responder] = laws.words(number, names) + (f", together with {others}" if others else "")
         return tuple(told)
 
     def _named(self, known: _Understood, objects: int) -> tuple[tuple[str, ...], np.ndarray]:
         kinds, lags = [""] * objects, np.full(objects, -1)
-        count, best = len(known.perceived.links.owners), known.shares.argmax(axis=1)
-        inputs_of, shown = known.found.inputs[best], known.perceived.trace.responders
-        by_itself = _by_itself((shown[1:] != shown[:-1]).T, ~inputs_of.any(axis=1))
+        count = len(known.perceived.links.owners)
         for number, index in enumerate(known.perceived.responders):
-            inputs, memory = inputs_of[number], REMEMBERED[known.found.memory[best[number]]]
-            by_inputs = "delay" if memory.delay else "one-to-one" if inputs.sum() == 1 else "gate"
-            kinds[index] = by_itself[number] or KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
+            inputs, memory = known.inputs[number], REMEMBERED[known.found.memory[known.likeliest[number]]]
             if inputs.any():
+                by_inputs = "delay" if memory.delay else "one-to-one" if inputs.sum() == 1 else "gate"
+                kinds[index] = KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
                 lags[index] = memory.delay + int(inputs[count:].any())
+            else:
+                by_itself = "clock" if known.together[number].any() else "flicker"
+                kinds[index] = by_itself if known.changed[number].any() else "rest"
         return tuple(kinds), lags
 
 
-def _by_itself(changed: np.ndarray, alone: np.ndarray) -> list[str]:
-    """The kind of what no input moves, empty where one does: at rest, flickering, or moved by a clock that nobody sees,
-    as what always changes together is.
+def _together(changed: np.ndarray, alone: np.ndarray) -> np.ndarray:
+    """Which responders that no input moves always change together, as a clock makes them that nobody sees, bool (R, R).
 
     Args:
         changed: bool (R, T), which responders changed after each action.
         alone: bool (R,), which have no inputs.
     """
-    together = (changed[:, None] == changed).all(axis=2) & alone & ~np.eye(len(changed), dtype=bool)
-    kinds = np.where(together.any(axis=1), "clock", "flicker")
-    return np.where(alone, np.where(changed.any(axis=1), kinds, "rest"), "").tolist()
+    same = (changed[:, None] == changed).all(axis=2) & changed.any(axis=1)
+    return np.asarray(same & alone & alone[:, None] & ~np.eye(len(changed), dtype=bool))

@@ -1,6 +1,7 @@
 """The `mechanism` model as a reasoner: traces as pictures show them, labels, prediction and what might have been."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -37,11 +38,11 @@ from busybot.reason.models.mechanism.contexts import (
 from busybot.reason.models.mechanism.laws import Moment
 from busybot.reason.models.mechanism.networks import MechanismNet
 from busybot.reason.models.mechanism.perception import perceive
-from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _by_itself, _Understood
+from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _together, _Understood
 from busybot.reason.models.mechanism.training.labelled import draw_boards, labelled
 from busybot.reason.models.mechanism.training.learner import _looked_at
 from busybot.reason.models.mechanism.unseen import Touched
-from tests.reason.worlds import SWITCHES, play, relation
+from tests.reason.worlds import SWITCHES, looks_of, play, relation
 from tests.reason.worlds import sequence_of as symbolic_sequence
 
 XOR = relation("gate", SWITCHES, 1, (0, 1, 1, 0), function="xor")
@@ -70,6 +71,9 @@ def watched() -> BoardSequence:
 class Right(MechanismNet):
     """Knows the explanations that are right."""
 
+    wanted: Sequence[tuple[list[int], str]] = (([0, 1], "late 0"), ([1], "late 0"), ([], "none"))
+    """Inputs and memory, for each responder."""
+
     def __init__(self, unseen: bool = False) -> None:
         super().__init__(MechanismNetConfig(unseen=unseen))
 
@@ -78,10 +82,9 @@ class Right(MechanismNet):
         found = graph["explanation", "reads", "candidate"].edge_index
         inputs = torch.zeros(3 * count, 5, dtype=torch.bool)
         inputs[found[0], found[1] % 5] = True
-        wanted = [([0, 1], "late 0"), ([1], "late 0"), ([], "none")]
         shares = torch.full((3 * count, moments), math.log(1e-9))
         kinds = graph["explanation"].kind % len(MEMORIES)
-        for responder, (read, memory) in enumerate(wanted):
+        for responder, (read, memory) in enumerate(self.wanted):
             right = torch.zeros(5, dtype=torch.bool)
             right[read] = True
             rows = torch.arange(3 * count) // count == responder
@@ -481,10 +484,34 @@ def test_what_failed_would_have_failed() -> None:
     assert known.following(both, np.array([0]), 3).tolist() == [1]
 
 
-def test_what_no_link_moves_is_named_by_when_it_changes() -> None:
-    changed = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 1], [1, 0, 1], [1, 0, 1]], bool)
-    alone = np.array([True, True, True, True, False])
-    assert _by_itself(changed, alone) == ["rest", "flicker", "clock", "clock", ""]
-    assert _by_itself(changed[2:], alone[2:])[-1] == "", "one that a link moves in the same steps"
-    assert _by_itself(changed[3:], alone[3:]) == ["flicker", ""], "is no sign of a clock"
-    assert _by_itself(np.zeros((2, 0), bool), np.ones(2, bool)) == ["rest", "rest"], "before the first action"
+def test_what_no_link_moves_and_always_changes_together_has_a_clock() -> None:
+    changed = np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 1], [1, 0, 1], [1, 0, 1]], bool)
+    alone = np.array([True, True, True, True, True, False])
+    assert np.argwhere(_together(changed, alone)).tolist() == [[3, 4], [4, 3]], (
+        "what rests, or follows a link, has none"
+    )
+    assert not _together(np.zeros((2, 0), bool), np.ones(2, bool)).any(), "before the first action"
+
+
+class ByThemselves(Right):
+    """Believes that no link moves anything."""
+
+    wanted = (([], "own"), ([], "own"), ([], "none"))
+
+
+def test_clocks_are_found_and_said(watched: BoardSequence) -> None:
+    """The lamp 1 and the door 2 change at the same three moments; then the door once more, and has none."""
+    shown = np.zeros((len(PRESSES) + 1, 5), int)
+    for moment in (4, 9, 11):
+        shown[moment:, 1:3] ^= 1
+    kinds, words = [], []
+    for _ in range(2):
+        seen = replace(watched, features=looks_of(shown) * watched.responders[None, :, None])
+        graph = MechanismReasoner(ByThemselves(), "embedded").graph(seen)
+        kinds.append([graph.kinds[index] for index in (1, 2, 4)] if graph.kinds else [])
+        words.append([graph.words[index] for index in (1, 2, 4)] if graph.words else [])
+        shown[15:, 2] ^= 1
+    assert kinds == [["clock", "clock", "rest"], ["flicker", "flicker", "rest"]]
+    alone = "changes by itself"
+    assert words[0] == [f"{alone}, together with object 2", f"{alone}, together with object 1", "nothing moves it"]
+    assert words[1] == [alone, alone, "nothing moves it"]

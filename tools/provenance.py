@@ -38,7 +38,6 @@ KNOWN = {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
         *("real_board", "worlds-procedural", "worlds-real"),
     },
-    ABSENT: {"opening"},
     SEVERAL: {"table1", "world-gates"},
     NO_HASHES: {"mechanism-ablations", "mechanisms", "shortcuts"},
 }

@@ -297,7 +297,7 @@ def world_plans() -> str:
                 f"{whole(row['micro'])} ({whole(low)}-{whole(high)})",
                 f"{whole(row['solved'])} ({whole(lowest)}-{whole(highest)})",
                 "-" if over is None else f"{over:.2f}",
-                _behind(told.get("compared", {}).get(name)),
+                _behind(told["compared"].get(name)),
             ]
             lines.append((f"{world}: {name}", cells))
     heads = (

@@ -44,7 +44,7 @@ from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
 from busybot.common.rng import generator
-from busybot.evaluation.folder import BOARDS
+from busybot.evaluation.folder import BOARDS, judged_lines
 from busybot.plan.metrics import JudgedTask, summarise
 from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
@@ -117,13 +117,13 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
 
 def compared(evaluations: list[Path], agents: list[str], world: str) -> dict[str, Any]:
     """Each agent against the first one, on the same tasks, as within one evaluation."""
-    tasks: dict[int, JudgedTask] = {}
-    for file in (folder / BOARDS for folder in evaluations):
-        for task in map(JudgedTask.model_validate_json, file.read_text(encoding="utf-8").splitlines()):
-            known = tasks.get(task.board, task.model_copy(update={"rollouts": ()}))
-            tasks[task.board] = known.model_copy(update={"rollouts": (*known.rollouts, *task.rollouts)})
+    first, *others = (dict(judged_lines(folder / BOARDS, JudgedTask)) for folder in evaluations)
+    tasks = []
+    for board, task in sorted(first.items()):
+        rollouts = task.rollouts + tuple(one for other in others for one in other[board].rollouts)
+        tasks.append(task.model_copy(update={"rollouts": rollouts}))
     rng = generator(SEED, world, 0, "world-plans/compared")
-    return dict(summarise([tasks[board] for board in sorted(tasks)], agents, rng)["compared"])
+    return dict(summarise(tasks, agents, rng)["compared"])
 
 
 def _training(folder: Path) -> dict[str, Any]:

@@ -90,6 +90,8 @@ REWIRED = (
     "rewirings",
     *(f"rewired_{what}{who}" for what in ("found", "placed", "false_alarms") for who in ("", "_bound")),
 )
+LEVELS = {"object": "parent_f1", "link": "link_parent_f1", "mechanism": "mechanism_accuracy"}
+"""Shares that rows are compared by."""
 ALONE, UNTOLD = " from pictures alone", ", world not told"
 NETWORK = "mechanism"
 """The row that others are compared with: the network that learned from labels, told the world."""
@@ -273,26 +275,13 @@ def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dic
     told = summarise_causes([*judged], IMAGES, None, seed)
     objects = [[count_parents(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
     found = {"boards": len(judged), "object": _parents(judged, objects, seed)}
-    by_board = {"object": _f1_of_boards(objects)}
     links = [None if one.links is None else [one.links[k] for k in ACTIONS] for _, one in judged]
     if any(one is not None for one in links):
         empty = [np.zeros_like(own) for own in objects[0]]
-        filled = [empty if one is None else one for one in links]
-        found["link"], by_board["link"] = _parents(judged, filled, seed), _f1_of_boards(filled)
-    asked_of = [
-        [one.right for one in causes.mechanisms if one.driven and one.right is not None] for _, causes in judged
-    ]
-    if any(asked_of):
-        by_board["mechanism"] = {"part": [sum(one) for one in asked_of], "whole": [len(one) for one in asked_of]}
+        found["link"] = _parents(judged, [empty if one is None else one for one in links], seed)
     mechanism = told["cause_intervals"]["objects"]["mechanism_accuracy"]
+    by_board = {level: told["by_board"][name] for level, name in LEVELS.items() if name in told["by_board"]}
     return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism, "by_board": by_board}
-
-
-def _f1_of_boards(counts: Sequence[Sequence[np.ndarray]]) -> dict[str, list[int]]:
-    """Part and whole of F1 on each board, as `compare_boards` takes them, after the actions that mechanisms are asked
-    after; counts as of `_parents`."""
-    sums = [each[ACTIONS.index(IMAGES - 1)].sum(0).tolist() for each in counts]
-    return {"part": [2 * hits for hits, _, _ in sums], "whole": [claimed + true for _, claimed, true in sums]}
 
 
 def compared(told: dict[str, Any], world: str, seed: int) -> dict[str, Any]:
@@ -300,10 +289,10 @@ def compared(told: dict[str, Any], world: str, seed: int) -> dict[str, Any]:
     rows = {name: row for part in COMPARED for name, row in told.get(part, {}).items() if "by_board" in row}
     if NETWORK not in rows:
         return {}
-    first, own = rows.pop(NETWORK)["by_board"], {name: row["by_board"] for name, row in rows.items()}
+    first = rows.pop(NETWORK)["by_board"]
     return {
-        name: compare_boards(first, one, generator(seed, world, 0, f"worlds/compared/{name}"))
-        for name, one in own.items()
+        name: compare_boards(first, row["by_board"], generator(seed, world, 0, f"worlds/compared/{name}"))
+        for name, row in rows.items()
     }
 
 
@@ -335,7 +324,8 @@ def _parents(judged: Judged, counts: Sequence[Sequence[np.ndarray]], seed: int) 
 
 def discovery_of(training: Recorded, validation: Recorded, boards: int, seed: int) -> dict[str, Any]:
     """Figures of the methods of discovery, with what was tuned."""
-    tuning, rows = list(training.boards(TUNING)), dict[str, Any]()
+    tuning = list(training.boards(TUNING))
+    rows: dict[str, Any] = {}
     for name in METHODS:
         config = tuned_discovery(tuning, name)
         told = _by_all_cores(partial(_discovered, validation, name, config), validation, boards)

@@ -137,7 +137,7 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
     remove_leftovers(out)
-    return dict(_judged_lines(out / BOARDS, kind))
+    return dict(judged_lines(out / BOARDS, kind))
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:
@@ -145,8 +145,16 @@ def plain(values: dict[str, Any]) -> dict[str, Any]:
     return dict(json.loads(json.dumps(values)))
 
 
-def _judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
-    """Whole lines; one that a killed evaluation left unfinished is cut off."""
+def judged_lines(file: Path, kind: type[J]) -> Iterator[tuple[int, J]]:
+    """Judged boards with their numbers, as they were finished; a line that a killed evaluation left unfinished is cut
+    off.
+
+    Args:
+        file: `BOARDS` of an evaluation's folder.
+
+    Raises:
+        BusybotError: a line is no judged board.
+    """
     if not file.exists():
         return
     data = read_regular(file, MAX_LINES_BYTES, "remove the folder")

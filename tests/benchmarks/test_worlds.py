@@ -70,7 +70,7 @@ def test_pairs_are_compared_within_their_group() -> None:
     assert compared(score, true, np.zeros(6, int)) == (5.5, 9)
 
 
-def test_rows_are_compared_with_the_model_that_ships_on_the_boards_that_both_have() -> None:
+def test_rows_are_compared_with_the_network_on_the_boards_that_both_have() -> None:
     def row(right: int, boards: int) -> dict[str, Any]:
         return {"boards": boards, "by_board": {"object": {"part": [right] * boards, "whole": [8] * boards}}}
 

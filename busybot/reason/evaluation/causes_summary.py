@@ -69,7 +69,9 @@ KEYS: dict[str, str] = {
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
     "binomial bounds, each board being one trial",
-    "cause_boards": "the figures of each board, for paired tests between models on the same boards",
+    "cause_boards": "the figures of each board",
+    "by_board": "numerators and denominators on each board, of `parent_f1`, `link_parent_f1` and `mechanism_accuracy`, "
+    "too, where they are told, for paired tests between models on the same boards",
 }
 """What the figures are called, and what they are."""
 PARENTS: m.Shares = {"p": ("hits", "claimed"), "r": ("hits", "true"), "f1": ("twice", "both")}
@@ -130,6 +132,7 @@ def summarise_causes(
         "bound_boards": len(followed),
         "cause_intervals": _intervals(boards, causes, steps, seed),
         "cause_boards": rows,
+        "by_board": _by_board(causes, steps),
     }
 
 
@@ -169,10 +172,28 @@ def _of(counted: np.ndarray) -> m.Counts:
     return {"hits": hits, "claimed": claimed, "true": true, "twice": 2 * hits, "both": claimed + true}
 
 
+def _link_counts(one: JudgedCauses, steps: int) -> m.Counts | None:
+    """As `_counts`, at the level of links; None where they are not told."""
+    return None if one.links is None else _of(one.links[_at(one, steps)].sum(0) + _spurious(one, steps, 1))
+
+
+def _by_board(causes: Sequence[JudgedCauses], steps: int) -> dict[str, dict[str, list[int]]]:
+    """As `statistics.compare_boards` takes them; a board whose links are not told has none."""
+    part, whole = PARENTS["f1"]
+    told = {"parent_f1": [_counts(one, steps) for one in causes]} if causes else {}
+    if any(one.links is not None for one in causes):
+        told["link_parent_f1"] = [_link_counts(one, steps) or _of(np.zeros(3)) for one in causes]
+    found = {
+        name: {"part": [one[part] for one in own], "whole": [one[whole] for one in own]} for name, own in told.items()
+    }
+    asked = [[each.right for each in one.mechanisms if each.driven and each.right is not None] for one in causes]
+    if any(asked):
+        found["mechanism_accuracy"] = {"part": [sum(one) for one in asked], "whole": [len(one) for one in asked]}
+    return found
+
+
 def _links(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None]:
-    told = [
-        _of(one.links[_at(one, steps)].sum(0) + _spurious(one, steps, 1)) for one in causes if one.links is not None
-    ]
+    told = [counts for counts in (_link_counts(one, steps) for one in causes) if counts is not None]
     bound = [_of(one.links_bound[_at(one, steps)].sum(0)) for one in causes if one.links_bound is not None]
     shares = m.micro(told, PARENTS)
     found = {f"link_parent_{name}": share if told else None for name, share in shares.items()}

@@ -175,6 +175,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
     calibrated = _calibration(judged, [one.graph.after(steps) for one in judged])
     predicted = summarise_predictions(forecasts)
     causes = [(one.board, one.causes) for one in judged if one.causes is not None]
+    caused = summarise_causes(causes, images, predicted["pred_a"], seed)
     return {
         "model": judged[0].graph.name if judged else None,
         "images": images,
@@ -195,11 +196,11 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "counts": m.totals(counts, m.EDGES),
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
-        "by_board": _by_board(judged, steps),
+        "by_board": {**_by_board(judged, steps), **caused.pop("by_board")},
         "baselines": _baselines(judged, seed),
         **summarise_proposals([one.proposals for one in judged]),
         "world": ", ".join(sorted({one.board.world for one in judged})),
-        **summarise_causes(causes, images, predicted["pred_a"], seed),
+        **caused,
         "seed": seed,
         "versions": package_versions(("numpy",)),
     }

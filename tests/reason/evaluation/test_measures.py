@@ -99,6 +99,7 @@ def test_parents_of_two_boards_are_pooled() -> None:
     assert (told["parent_p"], told["parent_r"]) == (pytest.approx(2 / 3), pytest.approx(2 / 6))
     assert told["parent_f1"] == pytest.approx(2 * 2 / (3 + 6)) and told["shd"] == (2 + 3) / 2
     assert [one["shd"] for one in told["cause_boards"]] == [2, 3]
+    assert told["by_board"] == {"parent_f1": {"part": [4, 0], "whole": [6, 3]}}, "of what is told"
     assert told["parent_f1_bound"] == 1.0 and told["shd_bound"] == 0 and told["bound_boards"] == 2
     assert told["link_parent_f1"] is told["mechanism_accuracy"] is told["what_if"] is told["gap"] is None
     assert told["link_parent_f1_bound"] == told["mechanism_bound"] == 1.0

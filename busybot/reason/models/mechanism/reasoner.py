@@ -95,7 +95,7 @@ class _Understood:
         """int (R,), the explanations that are most probable at the end."""
         return self.shares.argmax(axis=1)
 
-    @property
+    @cached_property
     def inputs(self) -> np.ndarray:
         """bool (R, L + R), what these read."""
         return self.found.inputs[self.likeliest]
@@ -423,16 +423,16 @@ class MechanismReasoner:
 
     def _named(self, known: _Understood, objects: int) -> tuple[tuple[str, ...], np.ndarray]:
         kinds, lags = [""] * objects, np.full(objects, -1)
-        count = len(known.perceived.links.owners)
+        count, memories_of = len(known.perceived.links.owners), known.found.memory[known.likeliest]
+        changed, timed = known.changed.sum(axis=1), known.together.sum(axis=1)
         for number, index in enumerate(known.perceived.responders):
-            inputs, memory = known.inputs[number], REMEMBERED[known.found.memory[known.likeliest[number]]]
+            inputs, memory = known.inputs[number], REMEMBERED[memories_of[number]]
             if inputs.any():
                 by_inputs = "delay" if memory.delay else "one-to-one" if inputs.sum() == 1 else "gate"
                 kinds[index] = KINDS.get(memory.name, KINDS.get(memory.what, by_inputs))
                 lags[index] = memory.delay + int(inputs[count:].any())
             else:
-                by_itself = "clock" if known.together[number].any() else "flicker"
-                kinds[index] = by_itself if known.changed[number].any() else "rest"
+                kinds[index] = "clock" if timed[number] else "flicker" if changed[number] else "rest"
         return tuple(kinds), lags
 
 

@@ -487,9 +487,7 @@ def test_what_failed_would_have_failed() -> None:
 def test_what_no_link_moves_and_always_changes_together_has_a_clock() -> None:
     changed = np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [1, 0, 1], [1, 0, 1], [1, 0, 1]], bool)
     alone = np.array([True, True, True, True, True, False])
-    assert np.argwhere(_together(changed, alone)).tolist() == [[3, 4], [4, 3]], (
-        "what rests, or follows a link, has none"
-    )
+    assert np.argwhere(_together(changed, alone)).tolist() == [[3, 4], [4, 3]], "not what rests or follows a link"
     assert not _together(np.zeros((2, 0), bool), np.ones(2, bool)).any(), "before the first action"
 
 

@@ -49,7 +49,7 @@ class JudgedMechanism:
         driven: whether it has inputs.
         right, bound: whether the model, and the exact observer, foretell it on the whole tour.
         kind_right, kind_bound, lag_right, lag_bound: whether they name its kind and its lag.
-        asked: whether each of its inputs took more than one state on the tour; else nobody is right.
+        asked: whether each of its inputs took more than one state on the tour; else nobody is right, knowing or not.
         met: whether the observed actions brought each of its inputs into all the states that it takes on the tour.
     """
 
@@ -497,16 +497,17 @@ def _mechanisms(watched: Watched, truth: CauseTruth, walk: Questions, replayed: 
     for index, bound in zip(replayed.responders, bounds, strict=True):
         if watched.judged[index]:
             cause, read = _hypothesis(truth, index), truth.read[index]
+            asked = _varied(walk, read, replayed)
             known = JudgedMechanism(
-                index, cause.kind, bool(cause.inputs), bound=bound.known, kind_bound=bound.kind, lag_bound=bound.lag,
-                asked=_varied(walk, read, replayed), met=_met(walk, read, replayed),
+                index, cause.kind, bool(cause.inputs), bound=bound.known and asked, kind_bound=bound.kind,
+                lag_bound=bound.lag, asked=asked, met=_met(walk, read, replayed),
             )  # fmt: skip
             found.append(_Mechanism(known, lag_of(cause, len(replayed.law.links.sizes))))
     return found
 
 
 def _bounds(belief: Belief, truth: CauseTruth, walk: Questions, replayed: _Replayed) -> list["_Bound"]:
-    """Of each responder. A mechanism is known that is claimed and responds as the true one does."""
+    """Of each responder. A mechanism is known that is claimed and responds as the true one does, asked about or not."""
     found = []
     told = zip(replayed.responders, *belief.mechanisms(), belief.kinds(), belief.lags(), strict=True)
     for index, likeliest, share, kinds, lags in told:
@@ -519,7 +520,7 @@ def _bounds(belief: Belief, truth: CauseTruth, walk: Questions, replayed: _Repla
 
 @dataclass(frozen=True)
 class _Bound:
-    """What the exact observer knows of a responder, as `JudgedMechanism`."""
+    """What the exact observer knows of a responder, as `JudgedMechanism`, asked about it or not."""
 
     known: bool | None = None
     kind: bool | None = None
@@ -597,7 +598,7 @@ def _alike(
         state, memory = likeliest.mechanism.step(tuple(row.tolist()), memory, None)
         told.append(state)
     asked = slice(replayed.steps + 1, None)
-    return _varied(walk, cause.inputs, replayed) and told[asked] == shown[asked, index].tolist()
+    return told[asked] == shown[asked, index].tolist()
 
 
 def _paper_name(kind: str) -> str:

@@ -41,10 +41,9 @@ KEYS: dict[str, str] = {
     "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
     "one more state, the exact observer is told",
     "mechanism_missed_because": "how many of these responders are not foretold because an input moved nowhere on the "
-    "tour (`not asked`: no model is right there, but the exact observer if he knows the mechanism), because their "
-    "`parents` (links, where a model tells them apart) are not those that it claims, because an input was `never met` "
-    "in a state in which the tour asks about it, or `otherwise`; the first of these that holds counts. Null as "
-    "`mechanism_accuracy`",
+    "tour (`not asked`: nobody is right there, the exact observer neither), because their `parents` (links, where a "
+    "model tells them apart) are not those that it claims, because an input was `never met` in a state in which the "
+    "tour asks about it, or `otherwise`; the first of these that holds counts. Null as `mechanism_accuracy`",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",

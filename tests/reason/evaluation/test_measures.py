@@ -220,8 +220,9 @@ def test_it_is_told_why_mechanisms_are_missed(monkeypatch: pytest.MonkeyPatch) -
     assert summary((episode, judge_causes(watched(episode), claims(*right))))["mechanism_missed_because"] is None
     monkeypatch.setattr(causes, "_varied", lambda *_: False)
     untouched = judge_causes(watched(episode), claims(), Knower(episode))
-    told = summary((episode, untouched))["mechanism_missed_because"]
-    assert told == {"not asked": 2, "parents": 0, "never met": 0, "otherwise": 0}
+    told = summary((episode, untouched))
+    assert told["mechanism_missed_because"] == {"not asked": 2, "parents": 0, "never met": 0, "otherwise": 0}
+    assert told["mechanism_bound"] == 0.0  # who knows the mechanism is not asked, either
 
 
 def test_a_delay_is_no_mechanism_without_a_memory() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.tables.world_gates import digest_of
 from busybot.common.errors import BusybotError
-from busybot.evaluation.statistics import binomial_interval
+from busybot.evaluation.statistics import binomial_interval, widest
 from busybot.view.report.page import Grid, markdown, number, plain_grid
 from tools.tables import reaching, result, whole
 
@@ -28,6 +28,11 @@ def world_gates() -> str:
 def calibration() -> str:
     """How far beliefs of the same models are off on the same sets, after each number of images."""
     return markdown([_calibration_grid(_judged())])
+
+
+def gate_intervals() -> str:
+    """How far chance may be in figures of the same models on the same sets, and the rest of what is told of them."""
+    return markdown([_intervals_grid(_judged())])
 
 
 def _judged() -> _Judged:
@@ -161,6 +166,43 @@ def _reached(rows: list[dict[str, Any]]) -> list[str]:
     ]
 
 
+def _intervals_grid(told: _Judged) -> Grid:
+    """Means of the seeds after 22 actions, and from the lowest to the highest end of the seeds' intervals over
+    boards, over objects and their boards, and over kinds of mechanisms and their boards."""
+    heads = (
+        "F1, pairs: over boards, objects", "mechanism: over boards, objects, kinds", "mechanisms missed", "SHD (bound)",
+        "kinds (bound)", "lags (bound)", "Pred-A of successful actions",
+    )  # fmt: skip
+    lines = [(f"{world}, {split}", _spread_cells(seeds)) for (world, split), seeds in told.items()]
+    return plain_grid(heads, lines, "percent")
+
+
+def _spread_cells(rows: list[dict[str, Any]]) -> list[str]:
+    mean = {key: _mean([told[key] for told in rows]) for key in TOLD}
+    found = whole(_mean([told["after"][OBSERVED]["parent_f1"] for told in rows]))
+    shares = [f"{whole(mean[f'{key}_accuracy'])} ({whole(mean[f'{key}_bound'])})" for key in ("kind", "lag")]
+    return [
+        " ".join([found, *(_ends(rows, over, "parent_f1") for over in OVER[:2])]),
+        " ".join([whole(mean["mechanism_accuracy"]), *(_ends(rows, over, "mechanism_accuracy") for over in OVER)]),
+        _missed(rows),
+        f"{mean['shd']:.2f} ({mean['shd_bound']:.2f})",
+        *shares,
+        whole(mean["pred_a_successful"]),
+    ]
+
+
+def _ends(rows: list[dict[str, Any]], over: str, key: str) -> str:
+    ends = widest(told["cause_intervals"][over][key] for told in rows)
+    return "" if ends is None else f"[{whole(ends[0])}-{whole(ends[1])}]"
+
+
+def _missed(rows: list[dict[str, Any]]) -> str:
+    """Of a hundred mechanisms that are missed, how many for each reason; of all seeds together."""
+    reasons = {name: sum(told["mechanism_missed_because"][name] for told in rows) for name in REASONS}
+    total = sum(reasons.values())
+    return ", ".join(f"{words} {whole(reasons[name] / total)}" for name, words in REASONS.items()) if total else "-"
+
+
 def _calibration_grid(told: _Judged) -> Grid:
     """After each number of images the error over doubtful pairs: mean and worst of the seeds, and the fewest pairs that
     one of them has; none where there are too few to tell."""
@@ -208,6 +250,14 @@ AVERAGED = (
     "parent_p", "parent_r", "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met",
     "what_if", "pred_a", "rewired_found", "rewired_placed",
 )  # fmt: skip
+TOLD = (
+    "mechanism_accuracy", "shd", "shd_bound", "kind_accuracy", "kind_bound", "lag_accuracy", "lag_bound",
+    "pred_a_successful",
+)  # fmt: skip
+OVER = ("boards", "objects", "mechanisms")
+REASONS = {"not asked": "not asked", "parents": "parents", "never met": "never met", "otherwise": "else"}
+OBSERVED = "22"
+"""After so many actions a recording is judged as a whole."""
 BOTH = ("link_parent_f1", "link_parent_f1_bound")
 
 

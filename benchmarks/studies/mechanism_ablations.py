@@ -75,6 +75,7 @@ class Ablation:
 
     Attributes:
         recorded, drawn: boards of all worlds together.
+        masked: as of `MechanismConfig`.
         hide: takes something out of a board's graph.
         unseen: how links stand is not looked at: every action that takes hold of one flips it.
     """
@@ -82,11 +83,14 @@ class Ablation:
     labels: Literal["parents", "pictures"] = "parents"
     recorded: int = 1000
     drawn: int = 0
+    masked: float = 0.0
     hide: Callable[[HeteroData], None] = field(default=lambda graph: None)
     unseen: bool = False
 
 
 WHOLE = "labels"
+MASKED = 0.15
+"""Share of the links that are hidden in an iteration of the row that masks links: of five nearly one."""
 ABLATIONS: Mapping[str, Ablation] = {
     WHOLE: Ablation(),
     "labels 100": Ablation(recorded=100),
@@ -101,6 +105,8 @@ ABLATIONS: Mapping[str, Ablation] = {
     "pictures": Ablation("pictures"),
     "pictures 100": Ablation("pictures", 100),
     "pictures 300": Ablation("pictures", 300),
+    "pictures 3000": Ablation("pictures", drawn=2000),
+    "pictures links masked": Ablation("pictures", masked=MASKED),
     "pictures nothing hidden": Ablation("pictures", hide=_nothing_hidden),
 }
 """The first is what all others are compared with."""
@@ -140,14 +146,14 @@ def trained(name: str, boards: Boards, arguments: argparse.Namespace) -> _Ablate
     """The network of a row; boards of all worlds take turns, so that fewer are fewer of each."""
     row = ABLATIONS[name]
     traces = [_flipping(*one) if row.unseen else one[1] for one in boards[: row.recorded]]
-    if row.labels == "pictures":
-        traces = [LabelledTrace(one.trace, one.world) for one in traces]
     library, worlds = find("procedural"), sorted({one.world for _, one in boards})
     share = row.drawn // len(worlds)
     for world in worlds if share else ():
         traces += [trace for _, trace in draw_boards(world, share, arguments.seed, library, max(ACTIONS), Blur())]
+    if row.labels == "pictures":
+        traces = [LabelledTrace(one.trace, one.world) for one in traces]
     net = MechanismNetConfig(worlds=tuple(worlds), changes=row.labels == "parents")
-    config = MechanismConfig(iterations=arguments.iterations, labels=row.labels, net=net)
+    config = MechanismConfig(iterations=arguments.iterations, labels=row.labels, masked=row.masked, net=net)
     folder = arguments.work / name.replace(" ", "-")
     begin_folder(folder, config, arguments.seed, data=[{"row": name, "boards": len(traces)}])
     learner = _Ablated(config, traces, [], arguments.seed)

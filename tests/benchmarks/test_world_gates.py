@@ -96,6 +96,28 @@ def test_beliefs_are_told_after_each_number_of_images_with_the_pairs_that_they_a
     assert line == "| gates, novel-object | 5.0 (5.0) of 2,000 | - of 400 | - of 9 |"
 
 
+def test_chance_may_be_in_figures_as_far_as_the_widest_of_the_seeds_intervals(monkeypatch: pytest.MonkeyPatch) -> None:
+    def seed(low: float, kinds: list[float] | None, missed: int) -> dict[str, Any]:
+        ends = {"parent_f1": [low, 0.99], "mechanism_accuracy": [low - 0.1, 0.9]}
+        over = {"boards": ends, "objects": ends, "mechanisms": {"parent_f1": None, "mechanism_accuracy": kinds}}
+        reasons = {"not asked": 0, "parents": missed, "never met": 1, "otherwise": 0}
+        return row(
+            cause_intervals=over, mechanism_missed_because=reasons, shd=1.5, shd_bound=1.25, kind_accuracy=0.8,
+            kind_bound=0.9, lag_accuracy=None, lag_bound=None, pred_a_successful=0.75,
+        )  # fmt: skip
+
+    def told(*seeds: dict[str, Any]) -> list[str]:
+        rows = {"gates": {"novel-object": {str(number): one for number, one in enumerate(seeds)}}}
+        monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": rows if name == "world-gates" else {}})
+        return [cell.strip() for cell in gate_tables.gate_intervals().strip().splitlines()[2].strip("|").split("|")]
+
+    assert told(seed(0.95, [0.6, 0.8], 3), seed(0.92, [0.7, 0.9], 4)) == [
+        "gates, novel-object", "97 [92-99] [92-99]", "85 [82-90] [82-90] [60-90]",
+        "not asked 0, parents 78, never met 22, else 0", "1.50 (1.25)", "80 (90)", "- (-)", "75",
+    ]  # fmt: skip
+    assert told(seed(0.95, None, 0))[2] == "85 [85-90] [85-90]", "what has no interval over kinds"
+
+
 def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     def files(of_test_sets: str) -> dict[str, Any]:
         model = {"README.md": "later", "weights.safetensors": of_test_sets}

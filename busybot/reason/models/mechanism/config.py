@@ -82,6 +82,8 @@ class MechanismConfig(FrozenModel):
         changes: weight of the loss of what is said of mechanisms that changed. Few boards are rewired, so that a small
             weight leaves it to chance whether a training learns to see it.
         untold: share of the boards whose world is not told in training.
+        masked: share of the links that are hidden in each iteration of a training without labels: what is seen later
+            has to be foretold by the others.
     """
 
     model: Literal["mechanism"] = "mechanism"
@@ -100,5 +102,6 @@ class MechanismConfig(FrozenModel):
     rough: NonNegativeFloat = 0.3
     changes: NonNegativeFloat = 1.0
     untold: Share = 0.3
+    masked: Share = 0.0
     net: MechanismNetConfig = MechanismNetConfig()
     loop: LoopConfig = LoopConfig(judge=100, patience=20)

@@ -81,6 +81,7 @@ def explanation_graph(
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism, of `Changes` |
     | `input` | `rising` | float32 (I,) | log odds that a link's states are numbered as they rise, 0 for responders |
+    | | `link` | bool (I,) | whether it is one |
     | `board` | `world` | int64 (1,) | which world is told, 0 for none |
     | | `unsteady` | float32 (1,) | 1 if the camera was not still |
     | `responder`, `lies on`, `board` | `edge_index` | int64 (2, R) | |
@@ -160,6 +161,7 @@ def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
         "kind": kind.repeat(responders),
         "possible": torch.from_numpy(~found.inputs[:, links:].T.copy()).flatten(),
     }
+    nodes["input"] |= {"link": torch.arange(inputs) < links}
     told = {name: {"edge_index": edge} for name, edge in edges.items()}
     told["explanation", "reads", "candidate"]["ways"] = ways
     return {**nodes, **told}

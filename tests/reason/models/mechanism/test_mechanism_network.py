@@ -36,7 +36,7 @@ from busybot.reason.models.mechanism.networks import (
 )
 from busybot.reason.models.mechanism.training import learner
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards
-from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf
+from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf, mask_links
 from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 
@@ -404,6 +404,38 @@ def test_it_learns_from_what_is_seen_later_alone(gates: list[LabelledTrace]) -> 
     for iteration in range(60):
         learner.iterate(iteration)
     assert learner.judge()["loss"] < before - 0.1
+
+
+def test_masked_links_explain_nothing(gates: list[LabelledTrace]) -> None:
+    """Of two boards in a batch each masks its own; what reads no hidden link stays as probable as others leave it."""
+    graph = Batch.from_data_list([LabelledTrace(one.trace, one.world).graph([5, 30]) for one in gates[:2]])
+    node, links = graph["explanation"], graph["input"].link.clone()
+    source, target = graph["explanation", "reads", "candidate"].edge_index
+    read = graph["candidate", "is", "input"].edge_index[1][target]
+    possible = node.possible.clone()
+    mask_links(graph, 0.0, np.random.default_rng(0))
+    assert torch.equal(node.possible, possible)
+    mask_links(graph, 0.5, np.random.default_rng(0))
+    kept = torch.unique(read[node.possible[source]])  # the inputs that anything still reads
+    hidden = links.index_fill(0, kept, False)
+    assert 0 < int(hidden.sum()) < int(links.sum()) and (~hidden | links).all()
+    reads_hidden = torch.zeros_like(possible).index_fill(0, source[hidden[read]], True)
+    assert torch.equal(node.possible, possible & ~reads_hidden)
+    with torch.no_grad():
+        said = MechanismNet(MechanismNetConfig(changes=False))(graph)[0]
+    assert float(said[reads_hidden].max()) < -1e3
+
+
+@pytest.mark.parametrize(("labels", "masks"), [("parents", False), ("pictures", True)])
+def test_links_are_masked_where_pictures_alone_teach(
+    gates: list[LabelledTrace], monkeypatch: pytest.MonkeyPatch, labels: Literal["parents", "pictures"], masks: bool
+) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr(learner, "mask_links", lambda graph, share, rng: asked.append(share))
+    boards = gates[:2] if labels == "parents" else [LabelledTrace(one.trace, one.world) for one in gates[:2]]
+    config = MechanismConfig(labels=labels, masked=0.3, net=MechanismNetConfig(changes=False))
+    MechanismLearner(config, boards, [], 0).iterate(0)
+    assert asked == [0.3] * masks
 
 
 @pytest.mark.long

@@ -78,6 +78,16 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
     return -(top + scatter((logs - top[owner]).exp(), owner, reduce="sum").log())
 
 
+def mask_links(graph: HeteroData, share: float, rng: np.random.Generator) -> None:
+    """Take all explanations that read any of so many of a batch's links, which are drawn, out of what is possible."""
+    hidden = torch.from_numpy(rng.random(graph["input"].num_nodes) < share) & graph["input"].link
+    source, target = graph["explanation", "reads", "candidate"].edge_index
+    read = graph["candidate", "is", "input"].edge_index[1][target]
+    masked = torch.zeros(graph["explanation"].num_nodes, dtype=torch.bool)
+    masked[source[hidden[read]]] = True
+    graph["explanation"].possible = graph["explanation"].possible & ~masked
+
+
 @dataclass(frozen=True)
 class GraphsByNumber(Dataset[HeteroData]):
     """Boards' graphs, made or looked up when a loader asks for them."""
@@ -164,6 +174,8 @@ class MechanismLearner(Learner):
         [graphs] = batches_of(known, [chosen.tolist()])
         told = torch.from_numpy(rng.random(len(chosen)) >= config.untold)
         graphs["board"].world = graphs["board"].world * told
+        if config.labels == "pictures":
+            mask_links(graphs, config.masked, rng)
         rate = cosine_rate(config.learning_rate, config.warm_up, iteration, config.iterations)
         self.network.train()
         loss = loss_of(self.network, graphs.to(device()), config.rough, config.changes)

@@ -176,6 +176,34 @@ def orientation() -> str:
     return markdown([plain_grid([*heads, "mechanisms after 21"], lines, "exact observer")])
 
 
+def perception_costs() -> str:
+    """What is seen wrongly in pictures, and F1 of links with and without that."""
+    lines = []
+    for name, told in result("perception-costs")["rows"].items():
+        wrong, after = told["mistakes"], {way: list(one.values()) for way, one in told["ways"].items()}
+        seen = " / ".join(percent(one["share"]) for one in after["seen"])
+        cells = [
+            str(told["boards"]),
+            f"{percent(wrong['link states wrong'] / wrong['link states'])}, {wrong['links not seen']} of "
+            f"{wrong['links moved']}, {wrong['links that are none']}",
+            f"{percent(wrong['responder states wrong'] / wrong['responder states'])}, "
+            f"{wrong['responders not seen to']} of {wrong['responders changed']}",
+            seen,
+            *(_more(one[-1]) for way, one in after.items() if way != "seen"),
+        ]
+        lines.append((name, cells))
+    heads = (
+        "boards", "links: states wrong, not seen, none", "responders: states wrong, not seen to change",
+        "F1 of links after 10 / 22 / 30", "more with true links, after 30", "with true responders", "with both",
+    )  # fmt: skip
+    return markdown([plain_grid(heads, lines, "percent, or points")])
+
+
+def _more(told: dict[str, Any]) -> str:
+    low, high = told["ahead_interval"]
+    return f"{100 * told['ahead']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
+
+
 def mechanisms() -> str:
     """Parents that the network finds on true states, beside the exact observer's."""
     rows = []
@@ -402,6 +430,8 @@ ABLATIONS = {
     "pictures 100": "from pictures alone, {boards} boards",
     "pictures 300": "from pictures alone, {boards} boards",
     "pictures nothing hidden": "from pictures alone, nothing of them hidden",
+    "pictures 3000": "from pictures alone, {boards:,} boards, of which {drawn:,} are drawn",
+    "pictures links masked": "from pictures alone, a link in seven hidden",
 }
 """Rows of the ablations of the mechanism model, the whole first."""
 
@@ -409,12 +439,11 @@ ABLATIONS = {
 def ablations() -> str:
     """F1 of links that the model finds where it learned from less, or does without something."""
     told, lines = result("mechanism-ablations"), []
-    for name, words in ABLATIONS.items():
+    for name, words in ((name, words) for name, words in ABLATIONS.items() if name in told["rows"]):
         row = told["rows"][name]["worlds"]
         cells = [" / ".join(f"{100 * one['share']:.0f}" for one in row[world].values()) for world in told["judged"]]
         everywhere = row["all"]["22"]
-        low, high = everywhere["ahead_interval"]
-        ahead = f"{100 * everywhere['ahead']:+.1f} ({100 * low:+.1f} to {100 * high:+.1f})"
+        ahead = _more(everywhere)
         boards = told["rows"][name]["boards"]
         named = words.format(boards=boards, drawn=boards - told["rows"]["labels"]["boards"])
         lines.append((named, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))

@@ -90,7 +90,7 @@ class Ablation:
 
 WHOLE = "labels"
 MASKED = 0.15
-"""Share of the links that are hidden in an iteration of the row that masks links: of five nearly one."""
+"""Share of the links that are hidden in an iteration of the row that masks links: one in seven."""
 ABLATIONS: Mapping[str, Ablation] = {
     WHOLE: Ablation(),
     "labels 100": Ablation(recorded=100),

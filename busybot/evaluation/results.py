@@ -63,6 +63,7 @@ KINDS = {
     "bounds": "python -m benchmarks.studies.bounds",
     "mechanism-ablations": "python -m benchmarks.studies.mechanism_ablations",
     "mechanisms": "python -m benchmarks.studies.mechanisms",
+    "perception-costs": "python -m benchmarks.studies.perception_costs",
     "changed-pixels": "python -m benchmarks.studies.splits changed-pixels",
     "coverage": "python -m benchmarks.studies.policy_constants coverage",
     "features": "python -m benchmarks.studies.features",

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.speed import world_row
-from benchmarks.studies import mechanism_ablations, shortcuts
+from benchmarks.studies import mechanism_ablations, perception_costs, shortcuts
 from benchmarks.studies.bounds import Symbolic, play
 from benchmarks.studies.shortcuts import compared
 from benchmarks.tables import worlds
@@ -64,6 +64,12 @@ def test_all_links_come_in_turn() -> None:
     assert moved[:4] == moved[4:] and sorted(moved[:4]) == [0, 1, 2, 3]
 
 
+def test_a_state_that_is_seen_as_another_one_is_wrong_in_the_frames_of_the_fewer() -> None:
+    seen, true = np.array([0, 0, 0, 1, 1, 2]), np.array([5, 5, 7, 7, 7, 5])
+    assert perception_costs.wrong(seen, true) == 1 and perception_costs.wrong(true, true) == 0
+    assert perception_costs.wrong(np.zeros(4, int), np.array([0, 1, 1, 1])) == 1, "one that never seems to change"
+
+
 def test_pairs_are_compared_within_their_group() -> None:
     score, true = np.array([0.9, 0.1, 0.5, 0.5, 0.2, 0.8]), np.array([1, 0, 1, 0, 1, 0], bool)
     assert compared(score, true, np.array([0, 0, 1, 1, 2, 2])) == (1.5, 3)
@@ -107,6 +113,13 @@ def test_a_small_table(tmp_path: Path) -> None:
         assert np.equal(links, trace[0]).mean() > 0.7, "but for what no pixel shows"
     told = shortcuts.actions(seen.sequence)
     assert told[..., 0].max() <= 30 and not told[~seen.sequence.triggers].any()
+    out, place = tmp_path / "costs.json", data / "gates" / "validation"
+    perception_costs.main(["--data", f"clean={place}", "--assets", "procedural", "--out", str(out)])
+    cost = read_result(out, "perception-costs")["rows"]["clean"]
+    assert cost["boards"] == 2 and list(cost["ways"]) == ["seen", "links", "responders", "both"]
+    assert cost["mistakes"]["responder states wrong"] == 0 < cost["mistakes"]["links moved"]
+    assert cost["ways"]["responders"] == cost["ways"]["seen"], "what is seen rightly costs nothing"
+    assert cost["ways"]["links"]["30"]["share"] >= cost["ways"]["seen"]["30"]["share"] > 0.5
     out = tmp_path / "ablations.json"
     words = ["--data", str(data), "--worlds", "gates", "--work", str(tmp_path / "work"), "--iterations", "4"]
     rows = ["labels", "labels no past", "pictures nothing hidden", "labels links not seen"]

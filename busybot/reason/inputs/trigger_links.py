@@ -260,9 +260,13 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, 
     shown = np.array([np.median(seen[start:end], axis=0) for start, end in pairwise(ends)])
     alike = _states(seen, "euclidean")
     first = np.array([np.bincount(alike[start:end]).argmax() for start, end in pairwise(ends)])
-    starts = numbered(first), np.arange(len(shown)) % 2
-    _, found = min((tracked(shown, start) for start in starts), key=itemgetter(0))
-    if len(group) == 1 and not lasts(shown, found, float(np.linalg.norm(changes @ used.T))):
+    moved = np.append(False, np.isin(tries, steps))
+    change = float(np.median(np.linalg.norm(changes @ used.T, axis=1)))
+    starts = numbered(first), np.arange(len(shown)) % 2, np.cumsum(moved) % 2
+    cost, found = min((tracked(shown, start, change) for start in starts), key=itemgetter(0))
+    if np.isinf(cost):
+        found = starts[0]
+    if len(group) == 1 and not lasts(shown, found, change):
         found = np.zeros_like(found)
     states = numbered(np.repeat(found, np.diff(ends)))
     return _Link(np.union1d(steps, tries[states[tries] != states[tries + 1]]), states, _changed(group), own)

@@ -11,19 +11,19 @@ from busybot.reason.inputs.trigger_links import numbered
 def test_a_move_that_pictures_hardly_show_is_told_by_the_others(looks: list[float]) -> None:
     """A link that every try moved; one picture is between both states, or another one altogether."""
     shown, alternating = np.array(looks)[:, None], np.arange(6) % 2
-    assert tracked(shown, alternating)[1].tolist() == [0, 1, 0, 1, 0, 1]
+    assert tracked(shown, alternating, 1.0)[1].tolist() == [0, 1, 0, 1, 0, 1]
 
 
 def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it() -> None:
     shown = np.array([0, 1, 1, 0, 1, 1, 0, 0, 0])[:, None] + 0.02 * np.arange(9)[:, None] % 0.05
     states = numbered((shown[:, 0] > 0.5).astype(int))
-    two, found = tracked(shown, states)
-    assert found.tolist() == states.tolist() and two < tracked(shown, np.arange(9) % 2)[0]
-    assert two < tracked(shown, np.where(np.arange(9) == 4, 2, states))[0]
+    two, found = tracked(shown, states, 1.0)
+    assert found.tolist() == states.tolist() and two < tracked(shown, np.arange(9) % 2, 1.0)[0]
+    assert two < tracked(shown, np.where(np.arange(9) == 4, 2, states), 1.0)[0]
     real = np.array([0, 1, 2, 1, 0, 1, 2, 1, 2])
-    assert tracked(real[:, None] + 0.01, real)[1].tolist() == real.tolist()
-    assert tracked(real[:, None] + 0.01, real)[0] < tracked(real[:, None] + 0.01, real % 2)[0]
-    assert np.isinf(tracked(shown, np.zeros(9, int))[0]), "what never moved has no two states"
+    assert tracked(real[:, None] + 0.01, real, 1.0)[1].tolist() == real.tolist()
+    assert tracked(real[:, None] + 0.01, real, 1.0)[0] < tracked(real[:, None] + 0.01, real % 2, 1.0)[0]
+    assert np.isinf(tracked(shown, np.zeros(9, int), 1.0)[0]), "what never moved has no two states"
 
 
 def test_what_passes_by_once_is_no_move() -> None:

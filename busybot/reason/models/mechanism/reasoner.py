@@ -337,17 +337,7 @@ class MechanismReasoner:
         return seen.once((self, "at the end"), lambda: self._studied(seen, study_of(seen, self.encoder).at_the_end))
 
     def _studied(self, seen: BoardSequence, graph: HeteroData) -> tuple[np.ndarray, np.ndarray | None]:
-        return self._weighed(graph, self._told_of(seen), len(study_of(seen, self.encoder).found.inputs))
-
-    def _told_of(self, seen: BoardSequence) -> BoardFacts:
-        """What a recording tells beside its trace, looked up once."""
-        return seen.once((self, "told"), lambda: self._told(seen))
-
-    def _told(self, seen: BoardSequence) -> BoardFacts:
-        links, known = study_of(seen, self.encoder).perceived.links, self._net.rising
-        forms = forms_of(links)
-        rising = np.zeros(len(forms)) if known is None else known(torch.from_numpy(forms)).double().numpy()
-        return BoardFacts(world_number(self._net.config, seen.world), rising, links.steadied)
+        return self._weighed(graph, self.facts_of(seen), len(study_of(seen, self.encoder).found.inputs))
 
     def _understand(self, seen: BoardSequence) -> _Understood:
         """What was understood is remembered: evaluators ask several things of one recording."""
@@ -362,11 +352,22 @@ class MechanismReasoner:
             if since.any():
                 each, _ = self._after_each(seen)
                 early = np.where(since[:, None] > 0, each[np.arange(len(since)), :, since - 1], shares)
-            rising = self._told_of(seen).rising
+            rising = self.facts_of(seen).rising
             assert rising is not None
             return _Understood(study.perceived, study.found, shares, since, early, rising)
 
         return seen.once((self, "understood"), understood)
+
+    def facts_of(self, seen: BoardSequence) -> BoardFacts:
+        """What a recording tells beside its trace, looked up once."""
+
+        def facts() -> BoardFacts:
+            links, known = study_of(seen, self.encoder).perceived.links, self._net.rising
+            forms = forms_of(links)
+            rising = np.zeros(len(forms)) if known is None else known(torch.from_numpy(forms)).double().numpy()
+            return BoardFacts(world_number(self._net.config, seen.world), rising, links.steadied)
+
+        return seen.once((self, "facts"), facts)
 
     def explain(
         self,

@@ -46,7 +46,7 @@ from busybot.reason.models.mechanism.present import RARE, REST, Past
 from busybot.reason.models.mechanism.rising import forms_of
 from busybot.reason.models.mechanism.study import study_of
 from busybot.reason.models.mechanism.unseen import Touched
-from busybot.reason.pyg import Batch, HeteroData
+from busybot.reason.pyg import HeteroData
 
 KINDS = {
     "own and now": "unreliable",
@@ -214,11 +214,16 @@ class MechanismReasoner:
         return self._graph(seen, range(seen.steps + 1), *self._after_each(seen))
 
     def graph_at_the_end(self, seen: BoardSequence) -> InferredGraph:
-        """See `Brief`."""
-        return self._graph(seen, [seen.steps], *self._at_the_end(seen))
+        """See `Brief`; without words, which cost more than all else."""
+        return self._graph(seen, [seen.steps], *self._at_the_end(seen), worded=False)
 
     def _graph(
-        self, seen: BoardSequence, after: Sequence[int], shares: np.ndarray, believed: np.ndarray | None
+        self,
+        seen: BoardSequence,
+        after: Sequence[int],
+        shares: np.ndarray,
+        believed: np.ndarray | None,
+        worded: bool = True,
     ) -> InferredGraph:
         """Of what is believed after so many actions each, as of `_weighed`; the first may be a new board."""
         known = self._understand(seen)
@@ -247,7 +252,7 @@ class MechanismReasoner:
             links=InferredLinks(links.clusters, single[steps]),
             kinds=kinds,
             lags=lags,
-            words=self._in_words(known, objects),
+            words=self._in_words(known, objects) if worded else None,
             changed=None if changed is None else changed[steps],
             changed_at=changed_at,
         )
@@ -402,7 +407,7 @@ class MechanismReasoner:
         told = copy(graph)
         what.to(told)
         moments = torch.arange(graph["explanation"].evidence.shape[1]).split(AT_ONCE)
-        parts = [self._net(Batch.from_data_list([moments_of(told, few)])) for few in moments]
+        parts = [self._net(moments_of(told, few)) for few in moments]  # one board is a batch as it is
         logs, _, odds = zip(*parts, strict=True)
         final, change = torch.cat(logs, 1), None if odds[0] is None else torch.cat(odds, 1)
         shares = final.exp().view(graph["responder"].num_nodes, explanations, final.shape[1]).double().numpy()

@@ -189,7 +189,7 @@ def test_what_is_believed_at_the_end_is_told_without_the_rest(watched: BoardSequ
     for steps in (0, 5, len(PRESSES)):
         reasoner = MechanismReasoner(Right(unseen=True), "embedded")
         told, whole = believed(reasoner, watched.first(steps + 1)), reasoner.graph(watched.first(steps + 1))
-        assert len(told.probabilities) == 1 and (told.words, told.kinds) == (whole.words, whole.kinds)
+        assert len(told.probabilities) == 1 and told.kinds == whole.kinds and told.words is None
         np.testing.assert_allclose(told.after(steps), whole.after(steps), atol=1e-6)
         assert told.links is not None and whole.links is not None
         np.testing.assert_allclose(told.links.after(steps), whole.links.after(steps), atol=1e-6)

@@ -184,16 +184,17 @@ def perception_costs() -> str:
         seen = " / ".join(percent(one["share"]) for one in after["seen"])
         cells = [
             str(told["boards"]),
-            f"{percent(wrong['link states wrong'] / wrong['link states'])}, {wrong['links not seen']} of "
-            f"{wrong['links moved']}, {wrong['links that are none']}",
+            f"{wrong['links moved']} of {wrong['links']}",
+            f"{percent(wrong['link states wrong'] / wrong['link states'])}, {wrong['links not seen']}, "
+            f"{wrong['links that are none']}",
             f"{percent(wrong['responder states wrong'] / wrong['responder states'])}, "
             f"{wrong['responders not seen to']} of {wrong['responders changed']}",
             seen,
             *(_more(one[-1]) for way, one in after.items() if way != "seen"),
         ]
-        lines.append((name, cells))
+        lines.append((name.replace("-real", ", a real camera"), cells))
     heads = (
-        "boards", "links: states wrong, not seen, none", "responders: states wrong, not seen to change",
+        "boards", "links moved", "of these, states wrong, not seen, and none", "responders: states wrong, not seen to change",
         "F1 of links after 10 / 22 / 30", "more with true links, after 30", "with true responders", "with both",
     )  # fmt: skip
     return markdown([plain_grid(heads, lines, "percent, or points")])

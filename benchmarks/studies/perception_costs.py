@@ -7,7 +7,8 @@ Datasets are recordings that know states, of boards on which choices may be made
 `benchmarks.tables.world_gates` records, say, before the clean and the real camera. Perception makes a trace of each:
 states of links and of responders. The network is asked what explains it as it is, with links that truly move as their
 actions moved them, with responders that truly change, and with both. Links that nobody saw moving stay unseen; what is
-no link leaves where links are true. F1 of links is of all true ones, as in the gates, all models together.
+no link leaves where links are true. F1 of links is of all true ones, as in the gates, all models together. What both
+leave is what was not done before that camera, or does not tell more.
 """
 
 from collections import Counter
@@ -109,6 +110,7 @@ class Watched:
             told["link states"] += len(self.links)
             told["link states wrong"] += wrong(self.perceived.trace.links[:, link], self.links[:, true])
         told["links that are none"] = self.perceived.trace.links.shape[1] - len(self.of)
+        told["links"] = self.links.shape[1]
         moved = np.flatnonzero((self.links != self.links[0]).any(0))
         told["links moved"], told["links not seen"] = len(moved), len(set(moved.tolist()) - set(self.of.values()))
         for states, true in zip(self.perceived.trace.responders.T, self.shown.T, strict=True):

@@ -99,6 +99,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "bounds-worlds": world_tables.bounds_worlds,
         "proposed-boxes": world_tables.proposed_boxes,
         "mechanisms": world_tables.mechanisms,
+        "perception-costs": world_tables.perception_costs,
         "orientation": world_tables.orientation,
         "shortcuts": world_tables.shortcuts,
     },

@@ -70,14 +70,14 @@ def _gates_grid(told: _Judged) -> Grid:
     return plain_grid(("asked", *splits), lines, "percent, or points")
 
 
-def _seeds_cell(values: list[float | None], gate: "_Gate") -> str:
+def _seeds_cell(values: list[float | None], gate: "_Gate", more: str = "") -> str:
     known = [value for value in values if value is not None]
     if not known:
         return "-"
     reached = sum(gate.reached(value) for value in known)
     worst = (min if gate.least else max)(known)
     spread = f" ({number(100 * worst)})" if len(known) > 1 else ""
-    return f"{number(100 * sum(known) / len(known))}{spread} {reaching(reached, len(values))}"
+    return f"{number(100 * sum(known) / len(known))}{spread}{more} {reaching(reached, len(values))}"
 
 
 @dataclass(frozen=True)
@@ -331,19 +331,37 @@ def _plans() -> Iterator[_Line]:
     for file, history in (("world-plans-learned", "learned"), ("world-plans", "scripted")):
         rows = result(file)["rows"]
         for world in ("gates", "time", "chain"):
-            told = rows[world]["agents"]["mechanism"]
-            success, steps = told["success"], told["steps_over_shortest"]
+            played = _played(rows[world])
             place = f"{world}, {history} histories"
             moved = _where_all_moved(rows[world]) if history == "learned" else ""
-            yield _line(f"{place}: goals reached", _Gate("", success, 0.93), number(100 * success) + moved)
-            shown = "-" if steps is None else f"{steps:.2f} {_mark(steps <= 1.3)}"
-            yield f"{place}: steps over the shortest plan", ("at most 1.3", shown)
+            yield _goals(f"{place}: goals reached", 0.93, played, moved)
+            gates = [_Gate("", one["steps_over_shortest"], 1.3, False) for one in played]
+            yield f"{place}: steps over the shortest plan", ("at most 1.3", _times_cell(gates))
     for file, history in (("lock-plans", "scripted"), ("lock-plans-curious", "curious")):
         for name, limit in (("lock-1-to-4", 0.9), ("lock-5-to-8", 0.7)):
             told = result(file)["rows"][name]
-            success = told["agents"]["mechanism"]["success"]
             words = f"{name.replace('-', ' ').replace('lock', 'lock, depth', 1)}, {history} histories: goals reached"
-            yield _line(words, _Gate("", success, limit), number(100 * success) + _where_all_moved(told))
+            yield _goals(words, limit, _played(told), _where_all_moved(told))
+
+
+def _played(told: dict[str, Any]) -> list[dict[str, Any]]:
+    """What `mechanism` reached, and what its trainings from other seeds did, where they played."""
+    return [told["agents"]["mechanism"], *told.get("seeds", {}).values()]
+
+
+def _goals(words: str, limit: float, played: list[dict[str, Any]], more: str) -> _Line:
+    gates = [_Gate("", one["success"], limit) for one in played]
+    return words, (gates[0].asked, _seeds_cell([gate.value for gate in gates], gates[0], more))
+
+
+def _times_cell(gates: list[_Gate]) -> str:
+    """As `_seeds_cell`, of how many times as much at most."""
+    known = [gate.value for gate in gates if gate.value is not None]
+    if not known:
+        return "-"
+    worst = f" ({max(known):.2f})" if len(known) > 1 else ""
+    reached = sum(gate.reached(gate.value) for gate in gates if gate.value is not None)
+    return f"{sum(known) / len(known):.2f}{worst} {reaching(reached, len(gates))}"
 
 
 def _where_all_moved(told: dict[str, Any]) -> str:

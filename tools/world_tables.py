@@ -194,8 +194,9 @@ def perception_costs() -> str:
         ]
         lines.append((name.replace("-real", ", a real camera"), cells))
     heads = (
-        "boards", "links moved", "of these, states wrong, not seen, and none", "responders: states wrong, not seen to change",
-        "F1 of links after 10 / 22 / 30", "more with true links, after 30", "with true responders", "with both",
+        "boards", "links moved", "of these, states wrong, not seen, and none",
+        "responders: states wrong, not seen to change", "F1 of links after 10 / 22 / 30",
+        "more with true links, after 30", "with true responders", "with both",
     )  # fmt: skip
     return markdown([plain_grid(heads, lines, "percent, or points")])
 

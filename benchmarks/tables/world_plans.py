@@ -2,6 +2,7 @@
 
     python -m benchmarks.tables.world_plans --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/world-plans.json [--boards 40] [--only gates,time] [--learned bc=FOLDER ppo=FOLDER]
+        [--seeds FOLDER FOLDER]
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
         --out benchmarks/results/lock-plans.json
     python -m benchmarks.tables.world_plans --only lock-1-to-4,lock-5-to-8 --model MODEL --work FOLDER --assets DIR
@@ -16,7 +17,8 @@ agents (`--learned`) play where they can practise: in `gates` and `lock`, whose 
 Who records may be another policy (`--history`): `learned`, or `curious`, which asks MODEL what would tell most, each
 with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows.
 
-All agents are compared with `mechanism`, task by task (`compared`).
+All agents are compared with `mechanism`, task by task (`compared`). Trainings of the same variant from other seeds
+(`--seeds`) play the same tasks with the same histories, and stand by themselves.
 
 Asked for by name, boards of `lock` have so many locks behind each other: five and more take boards of more links.
 """
@@ -92,19 +94,22 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         raise UsageError(f"{options.out}: its histories were recorded by another policy", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
+    names |= {str(seed): seed.name.upper() for seed in options.seeds}
     names |= {str(folder): name.upper() for name, folder in folders_of(options.learned).items()}
     for world in chosen(options.only, NAMES) if options.only else WORLDS:
         asked = commands(world, options)
-        typed += [as_typed(command, names) for command in asked]
+        others = seeded(asked[2], options.seeds)
+        typed += [as_typed(command, names) for command in (*asked, *others.values())]
         told = [busybot(*command) for command in asked][2:]
         played = {name: row for one in told for name, row in one["agents"].items()}
         learned = {name: folder for name, folder in folders_of(options.learned).items() if name in played}
         rows[world] = {
             "tasks": options.boards,
             "least_steps": told[0]["least_steps"],
-            "agents": {name: {key: row[key] for key in DETAILS} for name, row in played.items()},
+            "agents": {name: _reached(row) for name, row in played.items()},
             "training": {name: _training(folder) for name, folder in learned.items()},
             "compared": compared([Path(command[-1]) for command in asked[2:]], list(played), world),
+            "seeds": {name: _reached(busybot(*command)["agents"]["mechanism"]) for name, command in others.items()},
             **{key: _grouped([one[key] for one in told]) for key in ("by_locks", "by_unmoved")},
         }
         yield {
@@ -113,6 +118,15 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
+
+
+def seeded(playing: tuple[str, ...], seeds: list[Path]) -> dict[str, tuple[str, ...]]:
+    """The command by which `mechanism` plays, for each of the variant's other trainings, by its name."""
+    place = playing.index("--reasoner") + 1
+    return {
+        seed.name: (*playing[:place], str(seed), *playing[place + 1 : -1], f"{playing[-1]}-{seed.name}")
+        for seed in seeds
+    }
 
 
 def compared(evaluations: list[Path], agents: list[str], world: str) -> dict[str, Any]:
@@ -124,6 +138,10 @@ def compared(evaluations: list[Path], agents: list[str], world: str) -> dict[str
         tasks.append(task.model_copy(update={"rollouts": rollouts}))
     rng = generator(SEED, world, 0, "world-plans/compared")
     return dict(summarise(tasks, agents, rng)["compared"])
+
+
+def _reached(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: row[key] for key in DETAILS}
 
 
 def _training(folder: Path) -> dict[str, Any]:
@@ -147,8 +165,10 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
     options.add_argument("--learned", nargs="*", default=[], help="learned agents, as bc=FOLDER")
+    options.add_argument("--seeds", nargs="*", type=Path, default=[], help="the variant trained from other seeds")
     arguments = options.parse_args(words)
-    hashes = {"models": {"mechanism": file_hashes(find_folder(arguments.model, "reason"))}}
+    models = {"mechanism": arguments.model, **{seed.name: seed for seed in arguments.seeds}}
+    hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
     for result in measured(arguments):
         finish(KIND, arguments, result, hashes=hashes, seed=SEED)
 

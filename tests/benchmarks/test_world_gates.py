@@ -156,7 +156,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     choice = {"until": 10, "f1": [0.5] * 40, "stops": {"boards": 4, "wrong": 1}}
     plans = {"success": 0.95, "steps_over_shortest": None}
     seeds = {"a": row(parent_p=0.98, pred_a=0.9), "b": row(parent_p=0.96, pred_a=0.9)}
-    files = {
+    files: dict[str, Any] = {
         "curiosity": {"gates": {part: {who: choice for who in ("curious", "greedy", "random")} for part in
                                 ("drawn", "greedy")}},
         "curiosity-stops": {"gates": {"stopping": {"curious": choice}}},
@@ -183,6 +183,11 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         and told["time, learned histories: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
+    others = {"a": {"success": 0.75, "steps_over_shortest": 1.5}, "b": {"success": 1.0, "steps_over_shortest": 1.25}}
+    files["world-plans"]["gates"] |= {"seeds": others}
+    told = {line.split("|")[1].strip(): line.split("|")[3].strip() for line in gate_tables.further_gates().splitlines()}
+    assert told["gates, scripted histories: goals reached"] == "90.0 (75.0) 2 of 3"
+    assert told["gates, scripted histories: steps over the shortest plan"] == "1.38 (1.50) 1 of 3"
     of_seen = "95.0 (100.0 of the 3 whose links had all moved) ✓"
     assert told["lock, depth 1 to 4, scripted histories: goals reached"] == of_seen
     assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.tables.world_plans import commands, compared
+from benchmarks.tables.world_plans import commands, compared, seeded
 from busybot.evaluation.folder import BOARDS
 from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
 
@@ -23,6 +23,14 @@ def test_the_papers_agents_play_everywhere_learned_ones_where_they_can_practise(
     ours, others = players("time")
     assert ours == "mechanism" and {"relation", "predictive", "busybot", "search"} < set(others.split(","))
     assert players("gates") == players("lock-5-to-8") == [ours, others, "bc=b,ppo=p"]
+
+
+def test_other_trainings_play_the_same_tasks_into_folders_of_their_own() -> None:
+    playing = ("eval", "plan", "w/gates-scripted", "--reasoner", "mechanism", "--out", "w/gates-scripted-mechanism")
+    assert seeded(playing, [Path("models/mechanism-1")]) == {
+        "mechanism-1": (*playing[:4], "models/mechanism-1", "--out", "w/gates-scripted-mechanism-mechanism-1"),
+    }  # fmt: skip
+    assert seeded(playing, []) == {}
 
 
 def lamp(reached: bool) -> JudgedResponder:

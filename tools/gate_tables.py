@@ -286,20 +286,19 @@ def _curious() -> Iterator[_Line]:
     rows, recorded = result("curiosity")["rows"], result("curiosity-recorded")["rows"]
     for world, parts in rows.items():
         for other, part, most in (("greedy", "greedy", 1.25), ("random", "drawn", 0.7)):
-            own, against = (parts[part][choice] for choice in ("curious", other))
-            told = _times(own["until"], against["until"], len(own["f1"]), most)
-            yield f"{world}, states told: actions until 95, to those of {other} choice", (_asked_times(most), told)
+            words = f"{world}, states told: actions until 95, to those of {other} choice"
+            yield words, (_asked_times(most), _times_of_seeds(parts, part, "curious", other, most))
     for world, parts in recorded.items():
-        own, against = (parts["recorded"][choice] for choice in ("curious", "learned"))
-        told = _times(own["until"], against["until"], len(own["f1"]), 0.7)
-        yield f"{world}, pictures: actions until 95, to those of a draw among known links", (_asked_times(0.7), told)
+        words = f"{world}, pictures: actions until 95, to those of a draw among known links"
+        yield words, (_asked_times(0.7), _times_of_seeds(parts, "recorded", "curious", "learned", 0.7))
     found = {"drawn": rows, "stopping": result("curiosity-stops")["rows"]}
-    stops = [one[part]["curious"]["stops"] for part, worlds in found.items() for one in worlds.values()]
-    count, wrong = (sum(one[key] for one in stops) for key in ("boards", "wrong"))
-    low, high = binomial_interval(wrong, count) or (0.0, 1.0)
-    shown = f"{wrong} of {count} ({100 * low:.0f}-{100 * high:.0f})"
+    played = [(world, part) for part, worlds in found.items() for world in worlds.values()]
+    stops = [world[part]["curious"]["stops"] for world, part in played]
     words = f"said to know and wrong, of what was said in {len(rows)} worlds, states told"
-    yield _line(words, _Gate("", wrong / count if count else None, 0.03, False), shown)
+    share, shown = _said_wrongly(stops)
+    others = [one[part]["curious"]["stops"] for world, part in played for one in _seeds(world, part)]
+    told = f"{shown}; other seeds {_said_wrongly(others)[1]}" if others else shown
+    yield _line(words, _Gate("", share, 0.03, False), told)
     spent = [parts["recorded"]["curious"]["cpu_ms"] for parts in recorded.values()]
     dearest = None if None in spent else max(spent)
     told = "-" if dearest is None else f"{dearest:.0f} {_mark(dearest <= 150)}"
@@ -307,6 +306,28 @@ def _curious() -> Iterator[_Line]:
         "CPU-ms of a curious action, pictures, simulation and all, the dearer of `gates` and `time`",
         ("at most 150 a decision", told),
     )
+
+
+def _said_wrongly(stops: list[dict[str, Any]]) -> tuple[float | None, str]:
+    """Which share of what was said to be known was wrong, and the same with its bounds for people."""
+    count, wrong = (sum(one[key] for one in stops) for key in ("boards", "wrong"))
+    low, high = binomial_interval(wrong, count) or (0.0, 1.0)
+    return wrong / count if count else None, f"{wrong} of {count} ({100 * low:.0f}-{100 * high:.0f})"
+
+
+def _seeds(world: dict[str, Any], part: str) -> list[dict[str, Any]]:
+    """What trainings from other seeds have of a part, where they were asked."""
+    return [one for one in world.get("seeds", {}).values() if part in one]
+
+
+def _times_of_seeds(world: dict[str, Any], part: str, choice: str, other: str, limit: float) -> str:
+    """`_times` of the model that ships; and how many of all seeds reach the limit, if others were asked, too."""
+    told = [
+        _times(one[part][choice]["until"], one[part][other]["until"], len(one[part][choice]["f1"]), limit)
+        for one in (world, *_seeds(world, part))
+    ]
+    reached = sum(one.endswith("✓") for one in told)
+    return f"{told[0]}; {reached} of {len(told)} seeds" if len(told) > 1 else told[0]
 
 
 def _asked_times(most: float) -> str:

@@ -2,10 +2,11 @@
 
     python -m benchmarks.studies.curiosity --assets DIR --out benchmarks/results/curiosity.json
         [--parts drawn,greedy,recorded,stopping --work FOLDER --policy FOLDER] [--only gates,time] [--boards 60]
-        [--few 12]
+        [--few 12] [--seeds FOLDER FOLDER]
     python -m benchmarks.studies.curiosity plot --result RESULT --out docs/images/curiosity.png
 
-All are judged by the shipped `mechanism` model: the F1 of the links that it claims after each action.
+All are judged by the shipped `mechanism` model: the F1 of the links that it claims after each action. Its trainings
+from other seeds (`--seeds`) judge, and choose where they are curious, by themselves; what they reach stands beside it.
 
 - `drawn`: boards of the training split that are moved without a simulator, true states. Links are chosen at random, in
   turn (`coverage`), or by the model's curiosity after one turn (`curious`, which waits, too, if that tells more).
@@ -23,7 +24,7 @@ many actions, and how often a parent is then missing or wrong. No test split is 
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.boards.worlds import WORLDS
+from busybot.common.errors import UsageError
 from busybot.common.process_pool import default_workers, share
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
@@ -65,33 +67,56 @@ SEED, SEED_OF_STOPPING = 991, 992
 CLAIMED, KNOWN, DRAWS = 0.5, 0.95, 1000
 
 
+Done = list[tuple[int | None, tuple[int, ...]]]
+"""Actions: the link that each was to move, None for none, and the states of the links after it."""
+
+
 class Player:
     """Plays one drawn board and tells what the model claims.
 
+    Args:
+        script: what is done, in the place of what would be chosen.
+
     Attributes:
+        done: the actions so far.
         counts: of each action so far, links rightly claimed, claimed and true.
         stop: after how many actions the model says that it knows, and whether it does then; None until it says so.
     """
 
-    def __init__(self, board: Drawn, reasoner: MechanismReasoner, choice: str, rng: np.random.Generator):
-        self._board, self._reasoner, self._choice, self._rng = board, reasoner, choice, rng
+    def __init__(
+        self,
+        board: Drawn,
+        reasoner: MechanismReasoner,
+        choice: str,
+        rng: np.random.Generator,
+        script: Done | None = None,
+    ):
+        self._board, self._reasoner, self._choice, self._rng, self._script = board, reasoner, choice, rng, script
         self._links, self._shown, self._acted = [board.triggers], [board.shown], list[int]()
         self._order = rng.permutation(len(board.triggers))
-        self._observer = Observer(board.space, board.triggers, board.shown) if choice == "greedy" else None
+        watches = choice == "greedy" and script is None
+        self._observer = Observer(board.space, board.triggers, board.shown) if watches else None
+        self.done: Done = []
         self.counts: list[tuple[int, int, int]] = []
         self.stop: tuple[int, bool] | None = None
 
     def act(self) -> None:
         board = self._board
-        link, there = self._chosen()
-        works = link is None or (self._rng.random() < WORKS and not board.held(link))
-        board.act(there if works else board.triggers)
+        link, after = self._tried() if self._script is None else self._script[len(self.done)]
+        board.act(after)
+        self.done.append((link, after))
         self._acted.append(-1 if link is None else link)
         self._links.append(board.triggers)
         self._shown.append(board.shown)
         if self._observer:
             self._observer.see(board.triggers, board.shown)
         self._judge()
+
+    def _tried(self) -> tuple[int | None, tuple[int, ...]]:
+        """As of `Done`; an action may fail."""
+        link, there = self._chosen()
+        works = link is None or (self._rng.random() < WORKS and not self._board.held(link))
+        return link, there if works else self._board.triggers
 
     def _chosen(self) -> tuple[int | None, tuple[int, ...]]:
         """The link to be moved, None for none, and the states that are meant to follow."""
@@ -133,55 +158,73 @@ Played = tuple[list[tuple[int, int, int]], tuple[int, bool] | None]
 """`Player.counts` and `Player.stop`."""
 
 
-def drawn(world: str, boards: int, choices: tuple[str, ...], library: Library, seed: int) -> dict[str, Any]:
-    """Figures of each choice on drawn boards."""
+def drawn(
+    world: str, boards: int, choices: tuple[str, ...], library: Library, seed: int, models: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Figures of each choice on drawn boards, by model."""
     specs = list(generate_boards(BoardConfig(world=world, boards=boards, seed=seed, group_size=1), library))
-    found: dict[str, Any] = {}
+    found: dict[str, dict[str, Any]] = {model: {} for model in models}
     for choice in choices:
         # the exact observer may think about a board for longer than workers have for a task
         workers = 1 if choice == "greedy" else min(default_workers(), len(specs))
-        played = list(share(partial(_played, world, choice, library, seed), enumerate(specs), workers))
-        found[choice] = figures(np.array([counts for counts, _ in played]), world)
-        stops = [stop for _, stop in played if stop]
-        found[choice]["stops"] = {
-            "boards": len(stops),
-            "wrong": sum(not right for _, right in stops),
-            "actions": float(np.mean([after for after, _ in stops])) if stops else None,
-        }
-        print(world, choice, found[choice]["until"], found[choice]["stops"], file=sys.stderr, flush=True)
-    for told in found.values() if "greedy" in found else ():
-        told["regret"] = float(np.mean(np.subtract(found["greedy"]["f1"], told["f1"])[:STEPS]))
+        played = list(share(partial(_played, world, choice, library, seed, models), enumerate(specs), workers))
+        for model, told in found.items():
+            told[choice] = _told([each[model] for each in played], world)
+            print(world, choice, told[choice]["until"], told[choice]["stops"], file=sys.stderr, flush=True)
+    for told in found.values() if "greedy" in choices else ():
+        for one in told.values():
+            one["regret"] = float(np.mean(np.subtract(told["greedy"]["f1"], one["f1"])[:STEPS]))
     return found
 
 
-def _played(world: str, choice: str, library: Library, seed: int, drawn_board: tuple[int, BoardSpec]) -> Played:
-    number, spec = drawn_board
-    rng = generator(seed, world, number, f"curiosity/{choice}")
-    player = Player(Drawn(spec, library), _reasoner(), choice, rng)
-    for _ in range(ACTIONS):
-        player.act()
-    return player.counts, player.stop
+def _told(played: Sequence[Played], world: str) -> dict[str, Any]:
+    stops = [stop for _, stop in played if stop]
+    said = {
+        "boards": len(stops),
+        "wrong": sum(not right for _, right in stops),
+        "actions": float(np.mean([after for after, _ in stops])) if stops else None,
+    }
+    return {**figures(np.array([counts for counts, _ in played]), world), "stops": said}
+
+
+def _played(
+    world: str, choice: str, library: Library, seed: int, models: Sequence[str], drawn_board: tuple[int, BoardSpec]
+) -> dict[str, Played]:
+    """One board, by each model. What the exact observer chooses, which takes long, it chooses once."""
+    (number, spec), told, script = drawn_board, {}, None
+    for model in models:
+        rng = generator(seed, world, number, f"curiosity/{choice}")
+        player = Player(Drawn(spec, library), _reasoner(model), choice, rng, script)
+        for _ in range(ACTIONS):
+            player.act()
+        told[model] = player.counts, player.stop
+        script = player.done if choice == "greedy" else None
+    return told
 
 
 @cache
-def _reasoner() -> MechanismReasoner:
-    reasoner = reasoner_of(REASONER)
-    assert isinstance(reasoner, MechanismReasoner)
+def _reasoner(model: str) -> MechanismReasoner:
+    reasoner = reasoner_of(model)
+    if not isinstance(reasoner, MechanismReasoner):
+        raise UsageError(f"{model}: a model {reasoner.name}", "name trainings of `mechanism`")
     return reasoner
 
 
-def recorded(world: str, arguments: argparse.Namespace) -> dict[str, Any]:
-    """Figures of both policies on simulated boards; without processor time where recording was interrupted."""
+def recorded(world: str, arguments: argparse.Namespace, model: str) -> dict[str, Any]:
+    """Figures of both policies on simulated boards; without processor time where recording was interrupted, or was
+    there."""
     boards, assets, found = arguments.boards, arguments.assets, {}
-    for policy in ("learned", "curious"):
-        folder, begun = arguments.work / world / policy, runner.cpu_seconds()
+    seeds = () if model == REASONER else ("--reasoner", model)
+    for policy, asked in (("learned", ()), ("curious", seeds)):
+        name, begun = "-".join((policy, *(Path(one).name for one in asked[1:]))), runner.cpu_seconds()
+        folder = arguments.work / world / name
         runner.busybot(*runner.generating(folder, "train", boards, SEED, assets), "--world", world)
         fresh = not Dataset.open(folder).finished()
-        acting = ("--steps", str(STEPS), "--policy", policy, *runner.option("--model", arguments.policy))
+        acting = ("--steps", str(STEPS), "--policy", policy, *runner.option("--model", arguments.policy), *asked)
         runner.busybot("collect", str(folder), *acting, "--seed", str(SEED), "--assets", assets)
         spent = runner.cpu_seconds() - begun
         data = Recorded.at(folder, assets)
-        judging = ReasonEvaluation(REASONER, library=data.library, curve=(), what_if=False)
+        judging = ReasonEvaluation(model, library=data.library, curve=(), what_if=False)
         counts = []
         for index in sorted(data.dataset.finished()):
             episode = read_episode(data.dataset.episode_path(index), "lazy")
@@ -224,23 +267,37 @@ def _until(curve: np.ndarray) -> int:
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each part of each world; what is there is kept."""
-    library, rows = find(arguments.assets), runner.told_rows(arguments.out, KIND)
-    worlds = runner.chosen(arguments.only, WORLDS) if arguments.only else list(WORLDS)
+    rows = runner.told_rows(arguments.out, KIND)
+    names = {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
     for part in runner.chosen(arguments.parts, PARTS):
-        for world in worlds:
+        for world in runner.chosen(arguments.only, WORLDS) if arguments.only else list(WORLDS):
             told = rows.setdefault(world, {})
-            if part in told:
+            places = {name: told if name == REASONER else _of_seed(told, name) for name in names}
+            missing = {name: names[name] for name, place in places.items() if part not in place}
+            if not missing:
                 continue
-            if part == "recorded":
-                told[part] = recorded(world, arguments)
-            elif part == "drawn":
-                told[part] = drawn(world, arguments.boards, CHOICES, library, SEED)
-            elif part == "stopping":
-                told[part] = drawn(world, arguments.boards, ("curious",), library, SEED_OF_STOPPING)
-            else:
-                told[part] = drawn(world, arguments.few, (*CHOICES, "greedy"), library, SEED)
+            for name, found in played(part, world, missing, arguments).items():
+                places[name][part] = found
             kept = {name: rows[name] for name in WORLDS if name in rows}
             yield {"assets": runner.assets_name(arguments.assets), "certain": CERTAIN, "rows": kept}
+
+
+def _of_seed(told: dict[str, Any], name: str) -> dict[str, Any]:
+    parts: dict[str, Any] = told.setdefault("seeds", {}).setdefault(name, {})
+    return parts
+
+
+def played(part: str, world: str, models: Mapping[str, str], arguments: argparse.Namespace) -> dict[str, Any]:
+    """Figures of a part, by the models' names."""
+    if part == "recorded":
+        return {name: recorded(world, arguments, model) for name, model in models.items()}
+    boards, choices, seed = {
+        "drawn": (arguments.boards, CHOICES, SEED),
+        "stopping": (arguments.boards, ("curious",), SEED_OF_STOPPING),
+        "greedy": (arguments.few, (*CHOICES, "greedy"), SEED),
+    }[part]
+    found = drawn(world, boards, choices, find(arguments.assets), seed, tuple(models.values()))
+    return {name: found[model] for name, model in models.items()}
 
 
 def curves(path: Path, told: dict[str, Any]) -> None:
@@ -281,8 +338,10 @@ def main(words: list[str]) -> None:
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--boards", type=int, default=60)
     options.add_argument("--few", type=int, default=12, help="boards of the exact observer")
+    options.add_argument("--seeds", nargs="*", default=[], help="trainings of the same variant from other seeds")
     arguments = options.parse_args(words)
-    hashes = {"models": {REASONER: file_hashes(find_folder(REASONER, "reason"))}}
+    models = {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+    hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
     runner.torch_with(1)
     for told in measure(arguments):
         runner.finish(KIND, arguments, told, hashes=hashes, seed=SEED)

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import curiosity
+from busybot.common.errors import UsageError
+from busybot.evaluation.results import read_result
 from busybot.objects.resolve import find
+from busybot.plan.curious import REASONER
 
 
 def test_when_relations_are_known_is_the_first_action_after_which_f1_is_high_enough() -> None:
@@ -20,11 +23,29 @@ def test_when_relations_are_known_is_the_first_action_after_which_f1_is_high_eno
 
 @pytest.mark.long
 def test_a_small_study(tmp_path: Path) -> None:
-    library = find("procedural")
-    found = curiosity.drawn("gates", 1, (*curiosity.CHOICES, "greedy"), library, seed=3)
-    assert {len(told["f1"]) for told in found.values()} == {curiosity.ACTIONS}
-    assert found["greedy"]["regret"] == 0 and found["curious"]["f1"][-1] > 0.8
-    again = curiosity.drawn("gates", 1, ("curious",), library, seed=3)
-    assert again["curious"]["f1"] == found["curious"]["f1"]
+    library, other = find("procedural"), "benchmarks/models/mechanism-1"
+    every = curiosity.drawn("gates", 1, (*curiosity.CHOICES, "greedy"), library, 3, (REASONER, other))
+    found = every[REASONER]
+    for told in every.values():
+        assert {len(one["f1"]) for one in told.values()} == {curiosity.ACTIONS}
+        assert told["greedy"]["regret"] == 0 and told["curious"]["f1"][-1] > 0.8
+    again = curiosity.drawn("gates", 1, ("curious", "greedy"), library, 3, (other,))[other]
+    for choice in ("curious", "greedy"):  # what the observer chose for the other one it would have chosen for this one
+        assert again[choice]["f1"] == every[other][choice]["f1"]
     curiosity.curves(tmp_path / "curves.png", {"rows": {"gates": {"drawn": found}}})
     assert (tmp_path / "curves.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.long
+def test_other_seeds_stand_beside_what_is_there(tmp_path: Path) -> None:
+    """What was played is kept; a training that was not asked yet is asked alone."""
+    out = tmp_path / "curiosity.json"
+    words = ["--parts", "stopping", "--only", "gates", "--boards", "1", "--out", str(out)]
+    curiosity.main(words)
+    first = read_result(out, "curiosity")["rows"]
+    curiosity.main([*words, "--seeds", "benchmarks/models/mechanism-1"])
+    told = read_result(out, "curiosity")["rows"]["gates"]
+    assert told["stopping"] == first["gates"]["stopping"] and list(told["seeds"]) == ["mechanism-1"]
+    assert told["seeds"]["mechanism-1"]["stopping"]["curious"]["boards"] == 1
+    with pytest.raises(UsageError, match="a model event"):
+        curiosity.main([*words, "--seeds", "event"])

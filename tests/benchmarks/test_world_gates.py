@@ -183,11 +183,23 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         and told["time, learned histories: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
+    late = {"until": 12, "f1": [0.5] * 40, "stops": {"boards": 5, "wrong": 0}}
+    files["curiosity"]["gates"] |= {
+        "seeds": {
+            "a": {"drawn": {"curious": choice, "random": {**choice, "until": 20}}},
+            "b": {"drawn": {"curious": late, "random": choice}},
+        }
+    }
     others = {"a": {"success": 0.75, "steps_over_shortest": 1.5}, "b": {"success": 1.0, "steps_over_shortest": 1.25}}
     files["world-plans"]["gates"] |= {"seeds": others}
     told = {line.split("|")[1].strip(): line.split("|")[3].strip() for line in gate_tables.further_gates().splitlines()}
     assert told["gates, scripted histories: goals reached"] == "90.0 (75.0) 2 of 3"
     assert told["gates, scripted histories: steps over the shortest plan"] == "1.38 (1.50) 1 of 3"
+    random = "gates, states told: actions until 95, to those of random choice"
+    assert told[random] == "10 to 10: 1.00 ✗; 1 of 3 seeds"
+    assert told["gates, states told: actions until 95, to those of greedy choice"] == "10 to 10: 1.00 ✓"
+    said = "said to know and wrong, of what was said in 1 worlds, states told"
+    assert told[said] == "2 of 8 (3-65); other seeds 1 of 9 (0-48) ✗"
     of_seen = "95.0 (100.0 of the 3 whose links had all moved) ✓"
     assert told["lock, depth 1 to 4, scripted histories: goals reached"] == of_seen
     assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"

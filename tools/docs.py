@@ -82,6 +82,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/judgements.md": {"test-sets": judgements.test_sets},
     "docs/results/worlds.md": {
         "world-gates": gate_tables.world_gates,
+        "gate-intervals": gate_tables.gate_intervals,
         "calibration": gate_tables.calibration,
         "world-row": speed_tables.world_row,
         "further-gates": gate_tables.further_gates,

@@ -32,7 +32,8 @@ def calibration() -> str:
 
 def gate_intervals() -> str:
     """How far chance may be in figures of the same models on the same sets, and the rest of what is told of them."""
-    return markdown([_intervals_grid(_judged())])
+    told = {place: seeds for place, seeds in _judged().items() if all("cause_intervals" in one for one in seeds)}
+    return markdown([_intervals_grid(told)])  # older rows have none
 
 
 def _judged() -> _Judged:

@@ -214,13 +214,14 @@ def recorded(world: str, arguments: argparse.Namespace, model: str) -> dict[str,
     """Figures of both policies on simulated boards; without processor time where recording was interrupted, or was
     there."""
     boards, assets, found = arguments.boards, arguments.assets, {}
-    seeds = () if model == REASONER else ("--reasoner", model)
-    for policy, asked in (("learned", ()), ("curious", seeds)):
-        name, begun = "-".join((policy, *(Path(one).name for one in asked[1:]))), runner.cpu_seconds()
-        folder = arguments.work / world / name
+    for policy in ("learned", "curious"):
+        asks = policy == "curious" and model != REASONER
+        folder = arguments.work / world / (f"{policy}-{Path(model).name}" if asks else policy)
+        begun = runner.cpu_seconds()
         runner.busybot(*runner.generating(folder, "train", boards, SEED, assets), "--world", world)
         fresh = not Dataset.open(folder).finished()
-        acting = ("--steps", str(STEPS), "--policy", policy, *runner.option("--model", arguments.policy), *asked)
+        acting = ("--steps", str(STEPS), "--policy", policy, *runner.option("--model", arguments.policy))
+        acting += ("--reasoner", model) if asks else ()
         runner.busybot("collect", str(folder), *acting, "--seed", str(SEED), "--assets", assets)
         spent = runner.cpu_seconds() - begun
         data = Recorded.at(folder, assets)
@@ -265,10 +266,15 @@ def _until(curve: np.ndarray) -> int:
     return int(np.argmax(curve >= KNOWN)) + 1 if (curve >= KNOWN).any() else len(curve) + 1
 
 
+def models_of(arguments: argparse.Namespace) -> dict[str, str]:
+    """The model that ships and trainings from other seeds, by name."""
+    return {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+
+
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each part of each world; what is there is kept."""
     rows = runner.told_rows(arguments.out, KIND)
-    names = {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+    names = models_of(arguments)
     for part in runner.chosen(arguments.parts, PARTS):
         for world in runner.chosen(arguments.only, WORLDS) if arguments.only else list(WORLDS):
             told = rows.setdefault(world, {})
@@ -340,7 +346,7 @@ def main(words: list[str]) -> None:
     options.add_argument("--few", type=int, default=12, help="boards of the exact observer")
     options.add_argument("--seeds", nargs="*", default=[], help="trainings of the same variant from other seeds")
     arguments = options.parse_args(words)
-    models = {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+    models = models_of(arguments)
     hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
     runner.torch_with(1)
     for told in measure(arguments):

@@ -25,13 +25,14 @@ from benchmarks.studies.mechanism_ablations import ACTIONS, compared
 from benchmarks.tables.world_rows import ENCODER, Seen
 from benchmarks.tables.worlds import Recorded
 from busybot.common.errors import UsageError
-from busybot.reason.evaluation.causes import link_names, matched_links, true_links
+from busybot.reason.evaluation.causes import held_links, link_names, matched_links, true_links
 from busybot.reason.evaluation.evaluate import origin
 from busybot.reason.evaluation.ground_truth import trace_of
 from busybot.reason.inputs.trigger_links import numbered
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.perception import Perceived, perceive
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+from busybot.reason.models.mechanism.training.pictured import as_they_appear
 from busybot.reason.models.registry import load_reasoner
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -69,11 +70,8 @@ class Watched:
         trace = trace_of(seen.episode)
         if trace is None:
             raise UsageError(f"board {seen.episode.board.index}: nobody knows its states", "record it with a simulator")
-        perceived, names = perceive(seen.sequence, ENCODER), link_names(seen.episode)
-        place = {(name.object, name.link): number for number, name in enumerate(names)}
-        held = np.array([place.get((step.acted_object, step.acted_link), -1) for step in seen.episode.steps], int)
-        held[held >= trace[0].shape[1]] = -1  # a responder is no link
-        of = matched_links(perceived.links.clusters, held, trace[0].shape[1])
+        perceived = perceive(seen.sequence, ENCODER)
+        of = matched_links(perceived.links.clusters, held_links(seen.episode), trace[0].shape[1])
         return Watched(seen, perceived, trace[0], trace[1][:, perceived.responders], of)
 
     def told(self, links: bool, responders: bool) -> tuple[Trace, np.ndarray]:
@@ -83,7 +81,7 @@ class Watched:
         if links:
             which = which[which >= 0]
             states = _as_seen(self.links[:, which], numbered)
-        shown = _as_seen(self.shown, _as_they_appear) if responders else trace.responders
+        shown = _as_seen(self.shown, as_they_appear) if responders else trace.responders
         return Trace(states, shown, tuple((states.max(0, initial=1) + 1).tolist())), which
 
     def counts(self, reasoner: MechanismReasoner, way: str) -> np.ndarray:
@@ -95,10 +93,9 @@ class Watched:
         after = [min(actions, len(self.links) - 1) for actions in ACTIONS]
         found, shares, _ = reasoner.explain(trace, after, self.seen.sequence.world, rising, facts.unsteady)
         claimed = np.einsum("rhk,hi->kir", shares, found.inputs[:, : len(which)].astype(float)) > CLAIMED
-        rows = []
+        rows, names = [], link_names(self.seen.episode)[: self.links.shape[1]]  # of links alone
         for number, said in zip(after, claimed, strict=True):
-            true = true_links(self.seen.episode.board, link_names(self.seen.episode), max(0, number - 1))
-            true = true[: self.links.shape[1]]  # of links alone
+            true = true_links(self.seen.episode.board, names, max(0, number - 1))
             right = said[which >= 0] & true[which[which >= 0]][:, self.perceived.responders]
             rows.append([right.sum(), said.sum(), true.sum()])
         return np.array(rows, int)
@@ -125,11 +122,6 @@ class Watched:
 def _as_seen(states: np.ndarray, naming: Any) -> np.ndarray:
     """States (T + 1, n), each column with numbers as pictures give them."""
     return np.array([naming(column) for column in states.T], int).reshape(-1, len(states)).T
-
-
-def _as_they_appear(states: np.ndarray) -> np.ndarray:
-    order = list(dict.fromkeys(states.tolist()))
-    return np.array([order.index(state) for state in states.tolist()])
 
 
 def wrong(seen: np.ndarray, true: np.ndarray) -> int:

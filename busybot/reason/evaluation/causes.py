@@ -287,6 +287,12 @@ def true_links(board: BoardSpec, names: Sequence[LinkRef], action: int) -> np.nd
     return found
 
 
+def held_links(episode: Episode) -> np.ndarray:
+    """The true link that each action held, int (T,), by its place among `link_names`; -1 for none."""
+    place = {(name.object, name.link): number for number, name in enumerate(link_names(episode))}
+    return np.array([place.get((step.acted_object, step.acted_link), -1) for step in episode.steps], int)
+
+
 def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[int, int]:
     """The true link that each cluster of contacts stands for: one to one, so that most actions agree.
 
@@ -331,9 +337,7 @@ def count_links(
         claimed: bool (K + 1, N, N), pairs of objects.
         numbers: of actions, to count after these alone; the result then has a row for each.
     """
-    names = link_names(episode)
-    place = {(name.object, name.link): number for number, name in enumerate(names)}
-    held = np.array([place.get((step.acted_object, step.acted_link), -1) for step in episode.steps], int)
+    names, held = link_names(episode), held_links(episode)
     length, links = min(len(held), len(told.clusters)), sum(name.link != BODY for name in names)
     match = matched_links(told.clusters[:length], held[:length], links)
     responders = [name.object for name in names[links:]]

@@ -26,6 +26,14 @@ def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it()
     assert np.isinf(tracked(shown, np.zeros(9, int), 1.0)[0]), "what never moved has no two states"
 
 
+def test_what_drifts_by_less_than_a_move_changes_is_no_move() -> None:
+    """Looks of .02 apart, two by two, are two states of a link whose moves change as much, and one of another one."""
+    shown, states = np.array([0, 0.02, 0, 0.02, 0, 0.02])[:, None], np.arange(6) % 2
+    cost, found = tracked(shown, states, 0.02)
+    assert np.isfinite(cost) and found.tolist() == states.tolist()
+    assert np.isinf(tracked(shown, states, 1.0)[0])
+
+
 def test_what_passes_by_once_is_no_move() -> None:
     """A change of 1 that is there in the next picture alone, and one that stays."""
     states = np.array([0, 1])

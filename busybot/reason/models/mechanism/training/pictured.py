@@ -39,7 +39,7 @@ def pictured(
         links = np.hstack([links, np.cumsum(moves)[:, None] % 2])
         true = np.hstack([true, np.zeros((len(true), 1), int)])
     told = np.array([numbered(column) for column in links.T], int).reshape(-1, len(links)).T
-    shown = [_as_they_appear(_shown(column, badly, blur, rng)) for column in trace.responders.T]
+    shown = [as_they_appear(_shown(column, badly, blur, rng)) for column in trace.responders.T]
     sizes = tuple((told.max(0, initial=1) + 1).tolist())
     return Trace(told, np.stack(shown, axis=1), sizes), kept, way_round(true, told)
 
@@ -56,7 +56,8 @@ def _moved(links: np.ndarray) -> np.ndarray:
     return np.asarray((links != links[0]).any(axis=0))
 
 
-def _as_they_appear(states: np.ndarray) -> np.ndarray:
+def as_they_appear(states: np.ndarray) -> np.ndarray:
+    """A responder's states, int (T + 1,), numbered in the order in which they appear."""
     order = list(dict.fromkeys(states.tolist()))
     return np.array([order.index(state) for state in states.tolist()])
 

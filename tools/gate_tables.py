@@ -171,8 +171,8 @@ def _intervals_grid(told: _Judged) -> Grid:
     """Means of the seeds after 22 actions, and from the lowest to the highest end of the seeds' intervals over
     boards, over objects and their boards, and over kinds of mechanisms and their boards."""
     heads = (
-        "F1, pairs: over boards, objects", "mechanism: over boards, objects, kinds", "mechanisms missed", "SHD (bound)",
-        "kinds (bound)", "lags (bound)", "Pred-A of successful actions",
+        "F1, pairs (over boards / objects)", "mechanism (over boards / objects / kinds)", "mechanisms missed",
+        "SHD (bound)", "kinds (bound)", "lags (bound)", "Pred-A of successful actions",
     )  # fmt: skip
     lines = [(f"{world}, {split}", _spread_cells(seeds)) for (world, split), seeds in told.items()]
     return plain_grid(heads, lines, "percent")
@@ -183,8 +183,8 @@ def _spread_cells(rows: list[dict[str, Any]]) -> list[str]:
     found = whole(_mean([told["after"][OBSERVED]["parent_f1"] for told in rows]))
     shares = [f"{whole(mean[f'{key}_accuracy'])} ({whole(mean[f'{key}_bound'])})" for key in ("kind", "lag")]
     return [
-        " ".join([found, *(_ends(rows, over, "parent_f1") for over in OVER[:2])]),
-        " ".join([whole(mean["mechanism_accuracy"]), *(_ends(rows, over, "mechanism_accuracy") for over in OVER)]),
+        f"{found} ({' / '.join(_ends(rows, over, 'parent_f1') for over in OVER[:2])})",
+        f"{whole(mean['mechanism_accuracy'])} ({' / '.join(_ends(rows, over, 'mechanism_accuracy') for over in OVER)})",
         _missed(rows),
         f"{mean['shd']:.2f} ({mean['shd_bound']:.2f})",
         *shares,
@@ -194,7 +194,7 @@ def _spread_cells(rows: list[dict[str, Any]]) -> list[str]:
 
 def _ends(rows: list[dict[str, Any]], over: str, key: str) -> str:
     ends = widest(told["cause_intervals"][over][key] for told in rows)
-    return "" if ends is None else f"[{whole(ends[0])}-{whole(ends[1])}]"
+    return "-" if ends is None else f"{whole(ends[0])}-{whole(ends[1])}"
 
 
 def _missed(rows: list[dict[str, Any]]) -> str:

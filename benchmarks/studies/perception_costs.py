@@ -159,8 +159,11 @@ def main(words: Sequence[str] | None = None) -> None:
     arguments = options.parse_args(words)
     models = arguments.models.split(",")
     reasoners = [_reasoner(model) for model in models]
+    named = [one.partition("=") for one in arguments.data]
+    if bare := [name for name, _, dataset in named if not dataset]:
+        raise UsageError(f"--data {bare[0]}: a dataset without a name", "say NAME=DATASET")
     rows = runner.told_rows(arguments.out, KIND)
-    for name, _, dataset in (one.partition("=") for one in arguments.data):
+    for name, _, dataset in named:
         rows[name] = figures(Path(dataset), reasoners, arguments.assets, arguments.boards)
         print(name, rows[name]["mistakes"], {way: told["30"]["share"] for way, told in rows[name]["ways"].items()})
     hashes = {"models": {Path(model).name: file_hashes(find_folder(model, "reason")) for model in models}}

@@ -112,10 +112,10 @@ def test_chance_may_be_in_figures_as_far_as_the_widest_of_the_seeds_intervals(mo
         return [cell.strip() for cell in gate_tables.gate_intervals().strip().splitlines()[2].strip("|").split("|")]
 
     assert told(seed(0.95, [0.6, 0.8], 3), seed(0.92, [0.7, 0.9], 4)) == [
-        "gates, novel-object", "97 [92-99] [92-99]", "85 [82-90] [82-90] [60-90]",
+        "gates, novel-object", "97 (92-99 / 92-99)", "85 (82-90 / 82-90 / 60-90)",
         "not asked 0, parents 78, never met 22, else 0", "1.50 (1.25)", "80 (90)", "- (-)", "75",
     ]  # fmt: skip
-    assert told(seed(0.95, None, 0))[2] == "85 [85-90] [85-90]", "what has no interval over kinds"
+    assert told(seed(0.95, None, 0))[2] == "85 (85-90 / 85-90 / -)", "what has no interval over kinds"
 
 
 def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:

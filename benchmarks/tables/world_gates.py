@@ -1,7 +1,7 @@
 """The gates of worlds: what a model of relations reaches on the frozen boards of every world, and what it misses.
 
     python -m benchmarks.tables.world_gates --work FOLDER --assets DIR --out benchmarks/results/world-gates.json
-        [--policy FOLDER] [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
+        [--policy FOLDER[,FOLDER]] [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
         [--camera real] [--no-what-if]
 
 The boards are those of `datasets/worlds`, whose hashes are compared. A learned interaction policy acts on them, 30
@@ -11,7 +11,8 @@ judged beside, on the same recordings.
 
 The policy is a training's folder. The shipped one, which acts without `--policy`, learned from procedural objects and
 misses many links of real ones: what it records tells less. Recordings of each policy, and before each camera, have a
-folder of their own. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
+folder of their own. Of as many policies as models each acts for the model in its place, so that a row has a seed of all
+that is learned. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
 
 Every command resumes, so this one does; what a model was judged on already is not judged again.
 """
@@ -37,21 +38,22 @@ frozen: Any = import_module("datasets.worlds")
 KIND, STEPS, AFTER, SEED = "world-gates", 30, (10, 22, 30), frozen.SEED
 FIGURES = (
     "mechanism_accuracy", "mechanism_bound", "mechanism_accuracy_met", "mechanism_bound_met", "mechanisms_met",
-    "parent_p", "parent_r", "shd", "shd_bound", "kind_accuracy", "kind_bound", "lag_accuracy", "lag_bound", "what_if",
-    "what_if_pairs", "pred_a", "pred_a_successful", "rewirings", "rewired_found", "rewired_found_bound",
-    "rewired_placed", "rewired_placed_bound", "rewired_false_alarms", "cause_intervals",
+    "mechanism_missed_because", "parent_p", "parent_r", "shd", "shd_bound", "kind_accuracy", "kind_bound",
+    "lag_accuracy", "lag_bound", "what_if", "what_if_bound", "what_if_pairs", "what_if_missed_because", "pred_a",
+    "pred_a_successful", "rewirings", "rewired_found", "rewired_found_bound", "rewired_placed", "rewired_placed_bound",
+    "rewired_missed_because", "rewired_false_alarms", "cause_intervals",
 )  # fmt: skip
 ALL = (*WORLDS, PAPER)
 POINT = ("parent_f1", "parent_f1_bound", "link_parent_f1", "link_parent_f1_bound")
 
 
-def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
-    """A set's first boards, acted on by the policy.
+def recorded(world: str, name: str, policy: str | None, options: argparse.Namespace) -> Path:
+    """A set's first boards, acted on by a policy: a training's folder, or None for the one that ships.
 
     Raises:
         BusybotError: the boards are not those that were frozen.
     """
-    folder: Path = options.work / f"{digest_of(policy_of(options))}{_suffix(options)}" / world / name
+    folder: Path = options.work / f"{digest_of(policy_hashes(policy))}{_suffix(options)}" / world / name
     busybot(*generating(folder, frozen.SETS[name], options.boards, SEED, options.assets), "--world", world)
     dataset = Dataset.open(folder)
     cards = read_json(frozen.FILES / f"{world}.json")["objects"].get(assets_name(options.assets), {})
@@ -59,7 +61,7 @@ def recorded(world: str, name: str, options: argparse.Namespace) -> Path:
         raise BusybotError(
             f"{world}/{name}: not the frozen boards", "draw them with the same objects; see datasets/worlds/README.md"
         )
-    acting = ("--policy", "learned", *(("--model", str(options.policy)) if options.policy else ()))
+    acting = ("--policy", "learned", *(("--model", policy) if policy else ()))
     drawing = ("--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets), "--camera", options.camera)
     busybot("collect", str(folder), *acting, *drawing)
     return folder
@@ -69,9 +71,26 @@ def _suffix(options: argparse.Namespace) -> str:
     return "" if options.camera == "clean" else f"-{options.camera}"
 
 
-def policy_of(options: argparse.Namespace) -> dict[str, str]:
-    """Hashes of the files of the interaction policy."""
-    return file_hashes(find_folder(options.policy or DEFAULT_MODEL, "interact"))
+def policy_hashes(policy: str | None) -> dict[str, str]:
+    """Hashes of the files of an interaction policy."""
+    return file_hashes(find_folder(policy or DEFAULT_MODEL, "interact"))
+
+
+def models_by_policy(options: argparse.Namespace) -> dict[str | None, list[str]]:
+    """The models that are judged on what each policy records.
+
+    Raises:
+        UsageError: two models have one name, or there are neither one policy nor as many as models.
+    """
+    models, policies = options.models.split(","), options.policy.split(",") if options.policy else [None]
+    if len({Path(model).name for model in models}) < len(models):
+        raise UsageError(f"{options.models}: two models have one name", "name each folder of a model otherwise")
+    if len(policies) == 1:
+        return {policies[0]: models}
+    if len(set(policies)) < len(policies) or len(policies) != len(models):
+        what = f"{options.policy}: {len(policies)} policies for {len(models)} models"
+        raise UsageError(what, "name one policy for all models, or another one for each")
+    return {policy: [model] for policy, model in zip(policies, models, strict=True)}
 
 
 def digest_of(hashes: dict[str, str]) -> str:
@@ -103,8 +122,7 @@ def figures_of(told: dict[str, Any]) -> dict[str, Any]:
         "boards": told["boards"],
         "after": {str(actions): {key: points[actions][key] for key in POINT} for actions in AFTER if actions in points},
         "uncertain": told["uncertain_by_images"],
-        **{key: told[key] for key in FIGURES},
-        "mechanism_missed_because": told.get("mechanism_missed_because"),  # older evaluations do not tell it
+        **{key: told.get(key) for key in FIGURES},  # older evaluations do not tell all
     }
 
 
@@ -113,29 +131,39 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     rows = told_rows(options.out, KIND)
     if options.out.exists() and read_json(options.out).get("camera", "clean") != options.camera:
         raise UsageError(f"{options.out}: its boards were seen by another camera", "name another file")
-    models = options.models.split(",")
-    if len({Path(model).name for model in models}) < len(models):
-        raise UsageError(f"{options.models}: two models have one name", "name each folder of a model otherwise")
-    hashes = {model: file_hashes(find_folder(model, "reason")) for model in models}
-    policy = policy_of(options)
+    parts = models_by_policy(options)
+    hashes = {model: file_hashes(find_folder(model, "reason")) for models in parts.values() for model in models}
     for world in chosen(options.only, ALL) if options.only else ALL:
         for name in (one for one in chosen(options.sets, tuple(frozen.SETS)) if one in frozen.sets_of(world)):
-            dataset = recorded(world, name, options)
-            asked = "-no-what-if" if options.no_what_if else ""
-            named = dataset.parent.parent / f"{world}-{name}-{options.boards}{asked}"
-            outs = {model: Path(f"{named}-{digest_of(hashes[model])}.json") for model in models}
-            judge(dataset, outs, options)
             cells = rows.setdefault(world, {}).setdefault(name, {})
-            for model, out in outs.items():
-                cells[Path(model).name] = {"model": hashes[model], "policy": policy, **figures_of(read_json(out))}
+            for policy, models in parts.items():
+                judged = judged_as(world, name, policy, {model: hashes[model] for model in models}, options)
+                cells |= {Path(model).name: row for model, row in judged.items()}
             about = {"assets": assets_name(options.assets), "boards": options.boards, "camera": options.camera}
             yield {**about, "rows": {one: rows[one] for one in ALL if one in rows}}
+
+
+def judged_as(
+    world: str, name: str, policy: str | None, models: dict[str, dict[str, str]], options: argparse.Namespace
+) -> dict[str, dict[str, Any]]:
+    """The rows of models on a set on which one policy acted.
+
+    Args:
+        models: hashes of the files of each.
+    """
+    dataset = recorded(world, name, policy, options)
+    asked = "-no-what-if" if options.no_what_if else ""
+    named = dataset.parent.parent / f"{world}-{name}-{options.boards}{asked}"
+    outs = {model: Path(f"{named}-{digest_of(hashes)}.json") for model, hashes in models.items()}
+    judge(dataset, outs, options)
+    by = policy_hashes(policy)
+    return {model: {"model": models[model], "policy": by, **figures_of(read_json(outs[model]))} for model in models}
 
 
 def main(words: Sequence[str] | None = None) -> None:
     options = parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="for recordings and evaluations")
-    options.add_argument("--policy", help="a training of the interaction policy; the shipped one by default")
+    options.add_argument("--policy", help="trainings of the interaction policy; the shipped one by default")
     options.add_argument("--models", default="mechanism", help="shipped models' names and folders, comma-separated")
     options.add_argument("--sets", default=frozen.VALIDATION, help=f"of {', '.join(frozen.SETS)}, comma-separated")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")

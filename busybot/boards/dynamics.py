@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, islice
 
-import numpy as np
-
 from busybot.boards.mechanisms import Mechanism, mechanism_of
+from busybot.boards.mechanisms.base import Luck
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -60,10 +59,11 @@ class DynamicState:
 
 
 @dataclass(frozen=True)
-class _Bound:
+class Bound:
     """A mechanism and what it is bound to.
 
     Attributes:
+        responder: index of the object that it decides.
         inputs: of each input the number of a trigger link, or the index of a responder and True.
         stream: names its luck.
     """
@@ -102,7 +102,7 @@ class Dynamics:
                 f"board {board.index} has two relations for one responder",
                 "a mechanism with several inputs decides a responder that several links drive",
             )
-        self._rewired: dict[int, list[tuple[int, _Bound]]] = {}
+        self._rewired: dict[int, list[tuple[int, Bound]]] = {}
         for one in board.rewirings:
             if one.relation.responder not in place:
                 raise BusybotError(
@@ -135,7 +135,7 @@ class Dynamics:
             if number in fresh:
                 shown[bound.responder], memories[number] = bound.mechanism.start(inputs)
                 continue
-            chance = self._chance(bound, state.tick) if bound.mechanism.draws and self.lucky else None
+            chance = self.chance(bound, state.tick) if bound.mechanism.draws and self.lucky else None
             shown[bound.responder], memories[number] = bound.mechanism.step(inputs, state.memories[number], chance)
         return DynamicState(state.tick + 1, tuple(shown), tuple(memories))
 
@@ -168,12 +168,17 @@ class Dynamics:
         """Whether a trigger link is held while the responders show these states."""
         return any(number == link and shown[lock.responder] not in lock.states for number, lock in self._locks)
 
+    def chance(self, bound: Bound, tick: int) -> Luck:
+        """Where the luck of a mechanism comes from, at the action of that number."""
+        board = self.board
+        return generator(board.seed, board.split, board.index, f"mechanism/{bound.stream}/{tick}")
+
     def mechanism(self, responder: int, tick: int = 0) -> Mechanism | None:
         """The responder's mechanism after so many actions."""
         found = (one.mechanism for one in self.bound_at(tick) if one.responder == responder)
         return next(found, None)
 
-    def bound_at(self, tick: int) -> tuple[_Bound, ...]:
+    def bound_at(self, tick: int) -> tuple[Bound, ...]:
         """The mechanisms that decide what shows after action number `tick`, from 0."""
         if not self._rewired:
             return self._bound
@@ -190,14 +195,14 @@ class Dynamics:
         memory = any(one.mechanism.draws or one.mechanism.start((0,) * len(one.inputs))[1] for one in self._bound)
         return memory or bool(self._rewired) or any(responder for one in self._bound for _, responder in one.inputs)
 
-    def _bind(self, relation: Relation) -> _Bound:
+    def _bind(self, relation: Relation) -> Bound:
         inputs = tuple(self._input(reference) for reference in relation.triggers)
         sizes = [self._stages(place) if responder else self.links.sizes[place] for place, responder in inputs]
         mechanism = mechanism_of(relation, sizes)
         if max(mechanism.table, default=0) >= STAGES[relation.stage]:
             what = f"a {relation.stage}-stage responder has no state {max(mechanism.table)}"
             raise BusybotError(f"board {self.board.index}, responder {relation.responder}: {what}")
-        return _Bound(mechanism, relation.responder, inputs, str(relation.parameters.get("stream", relation.responder)))
+        return Bound(mechanism, relation.responder, inputs, str(relation.parameters.get("stream", relation.responder)))
 
     def _input(self, reference: LinkRef) -> tuple[int, bool]:
         if reference.link == BODY and self.board.objects[reference.object].role == "responder":
@@ -227,7 +232,3 @@ class Dynamics:
     def _stages(self, responder: int) -> int:
         stages = {one.responder: one.stage for one in self.board.relations}
         return STAGES[stages.get(responder, "single")]
-
-    def _chance(self, bound: _Bound, tick: int) -> np.random.Generator:
-        board = self.board
-        return generator(board.seed, board.split, board.index, f"mechanism/{bound.stream}/{tick}")

@@ -227,6 +227,29 @@ def test_models_of_one_name_are_refused(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_one_policy_acts_for_all_models_or_each_for_its_own() -> None:
+    told = Namespace(models="one,other", policy="p")
+    assert world_gates.models_by_policy(told) == {"p": ["one", "other"]}
+    assert world_gates.models_by_policy(Namespace(models="one", policy=None)) == {None: ["one"]}
+    told.policy = "p,q"
+    assert world_gates.models_by_policy(told) == {"p": ["one"], "q": ["other"]}
+    for policies in ("p,q,r", "p,p"):
+        told.policy = policies
+        with pytest.raises(UsageError, match=r"[23] policies for 2 models"):
+            world_gates.models_by_policy(told)
+
+
+@pytest.mark.long
+def test_each_model_is_judged_on_what_its_own_policy_records(tmp_path: Path) -> None:
+    out, other = tmp_path / "gates.json", Path("benchmarks/models/mechanism-1")
+    words = ["--work", str(tmp_path / "work"), "--only", "gates", "--boards", "1", "--no-what-if", "--out", str(out)]
+    policies = ",".join(f"benchmarks/models/lean-free-{seed}" for seed in (0, 1))
+    world_gates.main([*words, "--models", f"mechanism,{other}", "--policy", policies])
+    first, second = read_result(out, "world-gates")["rows"]["gates"]["validation"].values()
+    assert first["policy"] != second["policy"] and first["model"] != second["model"]
+    assert len(list((tmp_path / "work").glob("*/gates/validation"))) == 2
+
+
 @pytest.mark.long
 def test_before_another_camera_boards_are_recorded_anew(tmp_path: Path) -> None:
     out = tmp_path / "gates.json"
@@ -244,8 +267,5 @@ def test_before_another_camera_boards_are_recorded_anew(tmp_path: Path) -> None:
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
-        world_gates.recorded(
-            "gates",
-            "validation",
-            Namespace(work=tmp_path, policy=None, assets="procedural", boards=1, camera="clean"),
-        )
+        options = Namespace(work=tmp_path, assets="procedural", boards=1, camera="clean")
+        world_gates.recorded("gates", "validation", None, options)

@@ -11,7 +11,7 @@ A kind is one class in one file, whose docstring is its specification; `boards.m
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -23,8 +23,18 @@ Inputs = tuple[int, ...]
 """State of each input."""
 Memory = tuple[int, ...]
 """What a mechanism remembers from action to action; its kind knows the meaning."""
-Chance = np.random.Generator | None
-"""Where luck comes from; None is a world in which everything that may fail succeeds and nothing moves by itself."""
+
+
+class Luck(Protocol):
+    """Where luck comes from; a NumPy generator is one."""
+
+    def random(self) -> float:
+        """From 0 to 1; what has a probability happens if this is less."""
+        ...
+
+
+Chance = Luck | None
+"""None is a world in which everything that may fail succeeds and nothing moves by itself."""
 
 
 class Mechanism(FrozenModel, ABC):

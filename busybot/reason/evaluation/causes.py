@@ -29,7 +29,7 @@ from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_
 from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Stages, board_space, lag_of
 from busybot.reason.evaluation.rewirings import ChangeBelief, JudgedRewirings, Rewired, judge_rewirings, shown_rewirings
 from busybot.reason.evaluation.upper_bound import Belief, Observer
-from busybot.reason.evaluation.what_if import Questions, contacts_of, pairs, told_rightly, tour
+from busybot.reason.evaluation.what_if import Pairs, Questions, contacts_of, pairs, told_rightly, tour
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.base import InferredGraph, InferredLinks, Reasoner, imagine
 
@@ -79,8 +79,9 @@ class JudgedCauses:
         links, links_bound: int (K + 1, N, 3), at the level of links for each responder how many parents are rightly
             claimed, claimed and true; None where links are not told, or there is no observer.
         mechanisms: of the responders that show in the first frame.
-        told: bool (P, 2), whether the model told what happened, and what had happened without an action, in each pair
-            of questions; None where it cannot be asked.
+        told: bool (P, 2, N), whether the model told of each responder what happened, and what had happened without an
+            action, in each pair of questions; True for what is not asked. None where it cannot be asked.
+        unlucky: bool (P, N), see `what_if.Pairs`; of what is asked.
         rewired: whether changed mechanisms are found; None where nobody knows the states.
         spurious: int (K + 1, 2), pairs of objects, and of links and objects, that are claimed besides, of objects that
             are not there (`proposed`); None where all objects were given.
@@ -95,6 +96,7 @@ class JudgedCauses:
     links_bound: np.ndarray | None = None
     mechanisms: tuple[JudgedMechanism, ...] = ()
     told: np.ndarray | None = None
+    unlucky: np.ndarray | None = None
     rewired: JudgedRewirings | None = None
     spurious: np.ndarray | None = None
 
@@ -191,11 +193,12 @@ class Watched:
         return np.asarray(self.judged & truth.link_parents.any(0))
 
     @cached_property
-    def pairs(self) -> tuple[Questions, Questions] | None:
+    def pairs(self) -> Pairs | None:
         """See `what_if.pairs`; of what was replayed."""
         assert self.replayed is not None
-        dynamics, states, actions = self.replayed.dynamics, self.replayed.states, self.actions[: self.steps]
-        return pairs(dynamics, self.episode, actions, self.acted, states, self.controlled)
+        replayed, actions = self.replayed, self.actions[: self.steps]
+        observed = (replayed.triggers, replayed.states)
+        return pairs(replayed.dynamics, self.episode, actions, self.acted, *observed, self.controlled)
 
     @cached_property
     def asked(self) -> "_Asked":
@@ -544,11 +547,13 @@ def _with_mechanisms(
 ) -> JudgedCauses:
     asked = watched.asked
     right, told = watched.ask(reasoner, asked.walk), None
+    objects, both = len(watched.controlled), watched.pairs
+    unlucky = np.zeros((0, objects), bool) if both is None else both.unlucky & watched.controlled
     if right is not None:
-        told = np.zeros((0, 2), bool)
-        if watched.pairs is not None:
-            answers = [watched.ask(reasoner, questions) for questions in watched.pairs]
-            told = np.stack([one[:, watched.controlled].all(1) for one in answers if one is not None], axis=1)
+        told = np.zeros((0, 2, objects), bool)
+        if both is not None:
+            answers = [watched.ask(reasoner, questions) for questions in (both.happened, both.otherwise)]
+            told = np.stack([one | ~watched.controlled for one in answers if one is not None], axis=1)
     mechanisms = []
     for one in asked.mechanisms:
         index = one.known.responder
@@ -560,7 +565,7 @@ def _with_mechanisms(
                 lag_right=None if graph.lags is None else int(graph.lags[index]) == one.lag,
             )
         )
-    return replace(judged, mechanisms=tuple(mechanisms), told=told)
+    return replace(judged, mechanisms=tuple(mechanisms), told=told, unlucky=unlucky)
 
 
 def _hypothesis(truth: CauseTruth, index: int) -> Hypothesis:

@@ -51,6 +51,13 @@ KEYS: dict[str, str] = {
     "what_if": "share of pairs of questions answered rightly: what the next up to 4 actions showed, and what they "
     "would have shown had one link not been moved. Only pairs with different answers are asked",
     "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
+    "what_if_bound": "the share that is told rightly by who knows the board's law and all states, and the luck that "
+    "showed; where other luck would have decided, he names what is likelier",
+    "what_if_missed_because": "of how many pairs that are told wrongly `luck` is the reason (the one of the bound is "
+    "wrong about a responder that the model is wrong about), of how many that a responder was `rewired` that the model "
+    "is wrong about, of how many that its `parents` are not those that it has, of how many that its `mechanism` is not "
+    "foretold on the tour either, or that it was not asked there, of how many it is something else (`otherwise`); the "
+    "first of these that holds counts. Null as `what_if`",
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
@@ -64,6 +71,10 @@ KEYS: dict[str, str] = {
     "actions_until_found, actions_until_found_bound": f"after how many of these actions F1 is at least {FOUND}; null "
     "if it never is",
     **rewirings.KEYS,
+    "rewired_missed_because": "of how many rewirings that are not placed this is `not determined` (the exact observer "
+    "does not place them, either), of how many the responder's `parents` are not those that are claimed in the end, "
+    "how many are `not found` in time, or placed elsewhere (`otherwise`); the first of these that holds counts. Null "
+    "as `rewired_placed`",
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
@@ -91,8 +102,10 @@ def summarise_causes(
     mechanisms = [one for each in causes for one in each.mechanisms if one.driven]
     everyone = [one for each in causes for one in each.mechanisms]
     accuracy = m.mean([one.right for one in mechanisms])
-    told = [one.told for one in causes if one.told is not None]
+    told = [one.told.all(-1) for one in causes if one.told is not None]
     pairs = np.concatenate([np.zeros((0, 2), bool), *told])
+    asked = [one.unlucky.any(-1) for one in causes if one.unlucky is not None]
+    unlucky = np.concatenate([np.zeros(0, bool), *asked])
     rows = [_row(board, one, steps) for board, one in judged]
     return {
         **{
@@ -123,11 +136,14 @@ def summarise_causes(
         "what_if": m.mean(np.asarray(pairs.all(axis=1))),
         "what_if_factual": m.mean(pairs[:, 0]),
         "what_if_left_out": m.mean(pairs[:, 1]),
+        "what_if_bound": m.mean(~unlucky),
         "what_if_pairs": len(pairs) if told else None,
+        "what_if_missed_because": _missed_pairs(causes, steps),
         **_uncertain(causes, steps),
         "uncertain_by_images": [{"images": number, **_uncertain(causes, number - 1, True)} for number in CALIBRATED],
         **_discovery(causes),
         **rewirings.summarise_rewirings([one.rewired for one in causes if one.rewired is not None]),
+        "rewired_missed_because": _missed_changes(causes),
         "bound_boards": len(followed),
         "cause_intervals": _intervals(boards, causes, steps, seed),
         "cause_boards": rows,
@@ -204,16 +220,60 @@ def _missed(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int] | None
     judged = [(one, each) for one in causes for each in one.mechanisms if each.driven and each.right is not None]
     counts = dict.fromkeys(("not asked", "parents", "never met", "otherwise"), 0)
     for one, each in judged:
-        place = _at(one, steps)
-        links = count_parents(one.claimed[place], one.true[place]) if one.links is None else one.links[place]
-        right, claimed, true = links[each.responder]
         reasons = {
-            "not asked": not each.asked, "parents": not right == claimed == true, "never met": not each.met,
-            "otherwise": True,
+            "not asked": not each.asked, "parents": each.responder in _misplaced(one, steps),
+            "never met": not each.met, "otherwise": True,
         }  # fmt: skip
         if not each.right:
-            counts[next(name for name, holds in reasons.items() if holds)] += 1
+            counts[_first(reasons)] += 1
     return counts if judged else None
+
+
+def _missed_pairs(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int] | None:
+    """Why questions "what if" are not answered, see `KEYS`."""
+    judged = [(one, one.told, one.unlucky) for one in causes if one.told is not None and one.unlucky is not None]
+    counts = dict.fromkeys(("luck", "rewired", "parents", "mechanism", "otherwise"), 0)
+    for one, answers, lucks in judged:
+        changed = {each.responder for each in one.rewired.rewired} if one.rewired else set()
+        unknown = {each.responder for each in one.mechanisms if not each.right}
+        for told, unlucky in zip(answers, lucks, strict=True):
+            wrong = set(np.flatnonzero(~told.all(0)).tolist())
+            reasons = {
+                "luck": wrong & set(np.flatnonzero(unlucky).tolist()), "rewired": wrong & changed,
+                "parents": wrong & _misplaced(one, steps), "mechanism": wrong & unknown, "otherwise": wrong,
+            }  # fmt: skip
+            if wrong:
+                counts[_first(reasons)] += 1
+    return counts if judged else None
+
+
+def _missed_changes(causes: Sequence[JudgedCauses]) -> dict[str, int] | None:
+    """Why rewirings are not placed, see `KEYS`."""
+    counts = dict.fromkeys(("not determined", "parents", "not found", "otherwise"), 0)
+    judged = [(one, one.rewired, one.rewired.told) for one in causes if one.rewired and one.rewired.told]
+    for one, changes, told in judged:
+        wrong = _misplaced(one, len(one.true) - 1)
+        bound = changes.bound.placed if changes.bound else (True,) * len(told.placed)
+        for each, known, found, placed in zip(changes.rewired, bound, told.found, told.placed, strict=True):
+            reasons = {
+                "not determined": not known, "parents": each.responder in wrong, "not found": not found,
+                "otherwise": True,
+            }  # fmt: skip
+            if not placed:
+                counts[_first(reasons)] += 1
+    return counts if judged else None
+
+
+def _first(reasons: dict[str, Any]) -> str:
+    return next(name for name, holds in reasons.items() if holds)
+
+
+def _misplaced(one: JudgedCauses, steps: int) -> set[int]:
+    """Responders whose parents (links, where a model tells them apart) are not those that are claimed."""
+    place = _at(one, steps)
+    links = count_parents(one.claimed[place], one.true[place]) if one.links is None else one.links[place]
+    right, claimed, true = links.T
+    return set(np.flatnonzero((right != claimed) | (claimed != true)).tolist())
 
 
 def _by_kind(mechanisms: Sequence[JudgedMechanism]) -> dict[str, dict[str, Any]]:
@@ -319,5 +379,5 @@ def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:
         "parent_f1_bound": None if one.bound is None else m.micro([_counts(one, steps, bound=True)], PARENTS)["f1"],
         "shd": _distance(one, steps),
         "mechanism_accuracy": m.mean(driven),
-        "what_if": None if one.told is None else m.mean(np.asarray(one.told.all(axis=1))),
+        "what_if": None if one.told is None else m.mean(np.asarray(one.told.all(axis=(1, 2)))),
     }

@@ -84,7 +84,7 @@ def questions_of(episode: Episode, library: Library | None, images: int = IMAGES
     if watched.replayed is None or watched.pairs is None:
         return []
     names, links, found = VariableNames(episode.board), link_names(episode), []
-    happened, otherwise = watched.pairs
+    happened, otherwise = watched.pairs.happened, watched.pairs.otherwise
     for number, step in enumerate(happened.steps.tolist()):
         link, actions = moved_link(episode.steps[step]), int(happened.asked[number].sum())
         assert link is not None

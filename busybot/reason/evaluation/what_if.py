@@ -8,22 +8,42 @@ model needs no names of links or states.
   all that its responder shows on the tour is foretold: that is functional equality, whatever the model calls it. Luck
   plays no part: what may fail succeeds, and nothing moves by itself.
 - *Pairs* (`pairs`) ask about what was observed: the next states as it was, and had one link not been moved. Both have
-  to be told rightly. The truth is the board run again, with the same luck.
+  to be told rightly. The truth is the board run again, with the same luck. Luck that made no difference as it was may
+  make one had that link not been moved: nobody can know it, whatever he knows of the board (`Hindsight`).
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
-from busybot.boards.dynamics import Dynamics, DynamicState, Triggers
+from busybot.boards.dynamics import Bound, Dynamics, DynamicState, Triggers
+from busybot.boards.mechanisms.base import Luck
 from busybot.episodes.episode import Episode, Step
 
 TOUR = 40
 """A tour has so many actions."""
 PAIRS, HORIZON = 8, 4
 """So many pairs a board, over so many actions: one more than the longest delay."""
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Luck that is what somebody says.
+
+    Attributes:
+        share: what has a higher probability happens, nothing else.
+    """
+
+    share: float
+
+    def random(self) -> float:
+        return self.share
+
+
+LUCKS = (_Given(0.5), _Given(0.0), _Given(1.0))
+"""What is more likely than not happens; everything does that may; nothing does."""
 
 
 @dataclass(frozen=True)
@@ -152,14 +172,53 @@ def _read(inputs: Sequence[tuple[int, bool]], triggers: Triggers, shown: Sequenc
     return tuple(shown[place] if responder else triggers[place] for place, responder in inputs)
 
 
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of questions about what was observed. P pairs, N objects.
+
+    Attributes:
+        happened: as it was.
+        otherwise: the same, had the first action moved nothing.
+        unlucky: bool (P, N), responders whose answers to the latter depend on luck that did not show, and came out less
+            likely: who knows the board's law and all states answers wrongly.
+    """
+
+    happened: Questions
+    otherwise: Questions
+    unlucky: np.ndarray
+
+
+class Hindsight(Dynamics):
+    """A board's law as somebody knows it who has seen all its states: luck that showed is known, other luck is guessed.
+
+    Args:
+        dynamics: of the board, with its luck.
+        triggers: int (T + 1, L), as observed, on the new board and after each action.
+        states: the T + 1 states of the board that they led to.
+    """
+
+    def __init__(self, dynamics: Dynamics, triggers: np.ndarray, states: Sequence[DynamicState]):
+        super().__init__(dynamics.board, dynamics.links, dynamics.lucky)
+        self._triggers, self._states = triggers.tolist(), states
+
+    def chance(self, bound: Bound, tick: int) -> Luck:
+        """The likeliest luck after which the responder would have shown what it showed then."""
+        before, after = self._states[tick : tick + 2]
+        number = self.bound_at(tick).index(bound)
+        inputs, memory = bound.read(self._triggers[tick + 1], before.shown), before.memories[number]
+        might = [bound.mechanism.step(inputs, memory, luck)[0] for luck in LUCKS]
+        return LUCKS[might.index(after.shown[bound.responder])]
+
+
 def pairs(
     dynamics: Dynamics,
     episode: Episode,
     actions: np.ndarray,
     acted: np.ndarray,
+    triggers: np.ndarray,
     states: Sequence[DynamicState],
     judged: np.ndarray,
-) -> tuple[Questions, Questions] | None:
+) -> Pairs | None:
     """Pairs of questions about the observed actions: as it was, and had the first of these actions moved nothing.
 
     A question ends before the next action of which nobody knows what it would have done: on the same link, or on one
@@ -168,70 +227,70 @@ def pairs(
     Args:
         dynamics: of the board, with its luck.
         actions, acted: of the observed steps, as of `causes.Watched`.
-        states: of the board, new and after each recorded step.
+        triggers, states: of all recorded steps, as of `Hindsight`.
         judged: bool (N,), the responders whose answers are compared.
 
     Returns:
         None if there are none.
     """
+    known = Hindsight(dynamics, triggers, states)
     moved = [moved_link(step) for step in episode.steps]
-    places = [step for step in range(len(actions)) if moved[step] is not None]
-    found = [one for place in places for one in _pair(dynamics, episode, actions, acted, states, moved, place, judged)]
+    found = []
+    for place in (step for step in range(len(actions)) if moved[step] is not None):
+        paths, shown, guessed = _without(dynamics, known, episode.steps[: len(actions)], moved, states, place)
+        length, rows = len(paths) - 1, slice(place, place + len(paths))
+        real = [one.shown for one in states[rows]]
+        if np.array_equal(np.array(real)[:, judged], np.array(shown)[:, judged]):
+            continue
+        done, on = np.zeros((HORIZON, 6), np.float32), np.full(HORIZON, -1)
+        done[:length], on[:length] = actions[place : place + length], acted[place : place + length]
+        without, nobody = done.copy(), on.copy()
+        without[0], nobody[0] = 0, -1
+        asked = np.arange(HORIZON) < length
+        happened = _question(place, done, on, triggers[rows], real, asked)
+        otherwise = _question(place, without, nobody, paths, shown, asked)
+        found.append(Pairs(happened, otherwise, (np.array(guessed) != np.array(shown)).any(0)[None]))
     if not found:
         return None
     kept = [found[k] for k in np.unique(np.linspace(0, len(found) - 1, min(PAIRS, len(found))).round().astype(int))]
-    return _together([one for one, _ in kept]), _together([other for _, other in kept])
+    happened, otherwise = (_together([getattr(one, name) for one in kept]) for name in ("happened", "otherwise"))
+    return Pairs(happened, otherwise, np.concatenate([one.unlucky for one in kept]))
 
 
-def _pair(
+def _without(
     dynamics: Dynamics,
-    episode: Episode,
-    actions: np.ndarray,
-    acted: np.ndarray,
-    states: Sequence[DynamicState],
+    known: Hindsight,
+    steps: Sequence[Step],
     moved: Sequence[int | None],
+    states: Sequence[DynamicState],
     place: int,
-    judged: np.ndarray,
-) -> Iterator[tuple[Questions, Questions]]:
-    steps = episode.steps[place : min(place + HORIZON, len(actions))]  # what was not observed is not asked about
-    link, triggers, state = moved[place], steps[0].trigger_states_before, states[place]
+) -> tuple[list[Triggers], list[tuple[int, ...]], list[tuple[int, ...]]]:
+    """States of the trigger links and of the responders had that action moved nothing, and what hindsight makes of the
+    latter, before and after each action until nobody knows what the next one would have done."""
+    link, triggers, state = moved[place], steps[place].trigger_states_before, states[place]
     assert link is not None
-    paths, shown = [triggers], [state.shown]
-    for number, step in enumerate(steps):
-        now, name = moved[place + number], (step.acted_object, step.acted_link)
-        if number and name in dynamics.links.names:
+    guess, paths, shown, guessed = state, [triggers], [state.shown], [state.shown]
+    for number, step in enumerate(steps[place : place + HORIZON], start=place):  # what was not observed is not asked
+        now, name = moved[number], (step.acted_object, step.acted_link)
+        if number > place and name in dynamics.links.names:
             touched = dynamics.links.names.index(name)
-            held = [dynamics.locked(touched, one.shown) for one in (state, states[place + number])]
+            held = [dynamics.locked(touched, one.shown) for one in (state, states[number])]
             if touched == link or held[0] != held[1]:
                 break
-        after = list(triggers)
-        if number and now is not None:
-            after[now] = step.trigger_states_after[now]
-        triggers = tuple(after)
-        state = dynamics.step(triggers, state)
+        if number > place and now is not None:
+            triggers = (*triggers[:now], step.trigger_states_after[now], *triggers[now + 1 :])
+        state, guess = dynamics.step(triggers, state), known.step(triggers, guess)
         paths.append(triggers)
         shown.append(state.shown)
-    length = len(paths) - 1
-    real = [one.shown for one in states[place : place + length + 1]]
-    if np.array_equal(np.array(real)[:, judged], np.array(shown)[:, judged]):
-        return
-    recorded = [steps[0].trigger_states_before, *(one.trigger_states_after for one in steps[:length])]
-    done, on = np.zeros((HORIZON, 6), np.float32), np.full(HORIZON, -1)
-    done[:length], on[:length] = actions[place : place + length], acted[place : place + length]
-    asked = np.arange(HORIZON) < length
-    without, nobody = done.copy(), on.copy()
-    without[0], nobody[0] = 0, -1
-    yield (
-        _question(place, done, on, recorded, real, asked),
-        _question(place, without, nobody, paths, shown, asked),
-    )
+        guessed.append(guess.shown)
+    return paths, shown, guessed
 
 
 def _question(
     place: int,
     actions: np.ndarray,
     acted: np.ndarray,
-    triggers: Sequence[Sequence[int]],
+    triggers: Sequence[Sequence[int]] | np.ndarray,
     shown: Sequence[Sequence[int]],
     asked: np.ndarray,
 ) -> Questions:

@@ -44,7 +44,7 @@ class Told(Dynamics):
         super().__init__(board, links)
         self.luck, self.asked = luck, {}  # type: tuple[dict[str, Sequence[bool]], dict[tuple[str, int], float]]
 
-    def _chance(self, bound: Any, tick: int) -> Any:
+    def chance(self, bound: Any, tick: int) -> Any:
         return _Told(self, bound.stream, tick)
 
 

@@ -236,8 +236,46 @@ def test_who_expects_no_change_knows_what_nothing_moves() -> None:
     episode = play([AND, FOLLOWS], PRESSES)
     judged = asked(episode, Persistence())
     assert {one.responder: one.right for one in judged.mechanisms} == {1: False, 2: False, 4: True}
-    assert judged.told is not None and not judged.told[:, 0].any()
+    assert judged.told is not None and not judged.told[:, 0].all(-1).any()
     assert summary((episode, judged))["what_if"] == 0.0
+
+
+def test_who_knows_the_law_and_what_luck_did_guesses_the_rest() -> None:
+    """A lamp burns, with luck, where one of two switches is on: had the first press been left out, the second one would
+    have needed luck, which it did not need as it was."""
+    lucky = relation("unreliable", (0, 3), 1, (0, 1, 1, 1), probability=0.7)
+    episodes = [play([lucky, FOLLOWS], (0, 3, None, None), "chance", index=index) for index in range(20)]
+    told = [(episode, asked(episode, Knower(episode), images=5)) for episode in episodes]
+    figures = summary(*told, images=5)
+    assert figures["what_if"] == 1.0 > figures["what_if_bound"] > 0.5, "no model knows luck as this one does"
+    unlucky = np.concatenate([judged.unlucky for _, judged in told if judged.unlucky is not None])
+    assert unlucky[:, 1].any() and not unlucky[:, [0, 2, 3, 4]].any()
+    # without the second press there is no other luck than that which showed
+    for index in range(12):
+        judged = asked(
+            episode := play([lucky], (0, None, None, None), "chance", index=index), Knower(episode), images=5
+        )
+        assert judged.unlucky is not None and not judged.unlucky.any()
+
+
+def test_it_is_told_why_questions_are_missed() -> None:
+    """Of the AND something is told wrongly: its parents are wrong, or they are right and the tour is wrong, too."""
+    episode, right = play([AND, FOLLOWS], PRESSES), ((0, 1), (3, 1), (0, 2))
+    whole = None
+    for pairs, why in ((right, "mechanism"), (right[1:], "parents")):
+        judged = judge_causes(watched(episode), claims(*pairs), Knower(episode, [OR, FOLLOWS]))
+        figures = summary((episode, judged))
+        missed = round((1 - figures["what_if"]) * figures["what_if_pairs"])
+        assert missed and figures["what_if_missed_because"] == {
+            "luck": 0, "rewired": 0, "parents": 0, "mechanism": 0, "otherwise": 0, why: missed,
+        }  # fmt: skip
+        whole = judged
+    assert whole is not None and whole.told is not None and whole.unlucky is not None
+    lucky = replace(whole, unlucky=~whole.told.all(1))
+    assert summary((episode, lucky))["what_if_missed_because"]["luck"] == missed
+    known = judge_causes(watched(episode), claims(*right), Knower(episode))
+    assert not any(summary((episode, known))["what_if_missed_because"].values())
+    assert summary((episode, judge_causes(watched(episode), claims(*right))))["what_if_missed_because"] is None
 
 
 def test_what_was_never_moved_cannot_be_known() -> None:
@@ -267,9 +305,9 @@ def test_a_pair_asks_what_one_action_did() -> None:
     """The door follows switch 3 two actions later: left out, the next but one state is another one."""
     episode = play([LATE], (0, 3, 0, 0, 0, 0, 0), "time")
     right = asked(episode, Knower(episode), images=8).told
-    assert right is not None and right.tolist() == [[True, True]], "switch 0 does nothing"
+    assert right is not None and right.all(-1).tolist() == [[True, True]], "switch 0 does nothing"
     hasty = asked(episode, Knower(episode, [FOLLOWS]), images=8).told
-    assert hasty is not None and hasty.tolist() == [[False, True]]
+    assert hasty is not None and np.argwhere(~hasty).tolist() == [[0, 0, 2]]
 
 
 def test_where_nobody_wrote_down_what_was_tried_the_chosen_direction_counts() -> None:

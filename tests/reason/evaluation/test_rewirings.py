@@ -116,6 +116,32 @@ def test_found_in_time_and_placed_beside(since: int, at: int, found: float, plac
     assert told["rewired_false_alarms"] == 0.0 and told["rewired_false_alarms_calm"] is None
 
 
+@pytest.mark.parametrize(
+    ("since", "at", "right", "why"),
+    [
+        (SHOWED, HAPPENED, True, None),
+        (SHOWED + WITHIN + 1, HAPPENED, True, "not found"),
+        (SHOWED, HAPPENED - BESIDE - 1, True, "otherwise"),
+        (SHOWED + WITHIN + 1, HAPPENED, False, "parents"),
+        (SHOWED, HAPPENED, False, None),
+    ],
+)
+def test_it_is_told_why_a_rewiring_is_not_placed(since: int, at: int, right: bool, why: str | None) -> None:
+    graph = says(2, since, at)
+    graph.probabilities[:, 0 if right else 3, 2] = 1.0
+    reasons = dict.fromkeys(("not determined", "parents", "not found", "otherwise"), 0) | ({why: 1} if why else {})
+    assert summary((rewired(), graph))["rewired_missed_because"] == reasons
+
+
+def test_what_the_exact_observer_does_not_place_is_not_determined() -> None:
+    episode, graph = rewired(), says(2, STEPS, -1)
+    judged = judge(episode, graph)
+    assert judged.rewired is not None and judged.rewired.told is not None
+    blind = replace(judged, rewired=replace(judged.rewired, bound=judged.rewired.told))
+    reasons = summarise_causes([(episode.board, blind)], 17, None, 0)["rewired_missed_because"]
+    assert reasons == {"not determined": 1, "parents": 0, "not found": 0, "otherwise": 0}
+
+
 def test_the_distance_is_counted_outside_of_the_time_in_which_nobody_can_tell() -> None:
     told = summary(*((rewired(), says(2, SHOWED, at)) for at in (HAPPENED - 4, HAPPENED, SHOWED, SHOWED + 2)))
     assert told["rewired_off"] == (4 + 0 + 0 + 2) / 4 and told["rewired_placed"] == 3 / 4
@@ -151,6 +177,7 @@ def test_what_showed_too_late_is_not_asked_about() -> None:
 def test_who_says_nothing_is_not_judged_and_the_observer_is() -> None:
     told = summary((rewired(), InferredGraph("silent", np.zeros((STEPS, 5, 5)))))
     assert told["rewired_found"] is told["rewired_placed"] is told["rewired_false_alarms"] is None
+    assert told["rewired_missed_because"] is None
     assert told["rewirings"] == 1 and told["rewired_found_bound"] is None, "the space has no rewirings so early"
     assert summary((board(), says(2, STEPS, -1)))["rewired_false_alarms_bound"] == 0.0
 

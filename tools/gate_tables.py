@@ -36,6 +36,26 @@ def gate_intervals() -> str:
     return markdown([_intervals_grid(told)])  # older rows have none
 
 
+def gate_reasons() -> str:
+    """Why the same models miss questions and rewirings, on the sets of which that is told."""
+    told = {place: seeds for place, seeds in _judged().items() if all(one.get(WHY["what if"][0]) for one in seeds)}
+    return markdown([_reasons_grid(told)])
+
+
+def pipeline_gates() -> str:
+    """What five seeds of all that is learned reach, each on what its own policy records, beside one policy for all."""
+    rows, shared, lines = result("pipeline-gates")["rows"], _judged(), []
+    for place in ((world, split) for world, sets in rows.items() for split in sets):
+        own, words = list(rows[place[0]][place[1]].values()), ", ".join(place)
+        if {digest_of(one["model"]) for one in own} != {digest_of(one["model"]) for one in shared[place]}:
+            raise BusybotError(
+                f"pipeline-gates, {words}: the models are not those of world-gates", "judge the same ones"
+            )
+        lines += [(words, _seed_cells(own)), (f"{words}: one policy for all", _seed_cells(shared[place]))]
+    heads = ("policies", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "what if", "Pred-A")
+    return markdown([plain_grid(heads, lines, "percent after 22 actions")])
+
+
 def _judged() -> _Judged:
     """The rows of the validation sets and of the test sets, all of the same models."""
     told: _Judged = {}
@@ -197,11 +217,49 @@ def _ends(rows: list[dict[str, Any]], over: str, key: str) -> str:
     return "-" if ends is None else f"{whole(ends[0])}-{whole(ends[1])}"
 
 
-def _missed(rows: list[dict[str, Any]]) -> str:
-    """Of a hundred mechanisms that are missed, how many for each reason; of all seeds together."""
-    reasons = {name: sum(told["mechanism_missed_because"][name] for told in rows) for name in REASONS}
-    total = sum(reasons.values())
-    return ", ".join(f"{words} {whole(reasons[name] / total)}" for name, words in REASONS.items()) if total else "-"
+def _missed(rows: list[dict[str, Any]], key: str = "mechanism_missed_because") -> str:
+    """Of a hundred things that are missed, how many for each reason; of all seeds together."""
+    reasons = {name: sum(told[key][name] for told in rows) for name in rows[0][key]}
+    total, named = sum(reasons.values()), {"otherwise": "else"}
+    parts = (f"{named.get(name, name)} {whole(count / total)}" for name, count in reasons.items() if total)
+    return ", ".join(parts) or "-"
+
+
+def _reasons_grid(told: _Judged) -> Grid:
+    """What is reached and what somebody who knows the board would reach, and why what is missed is missed."""
+    heads = tuple(head for words in WHY for head in (f"{words} (bound)", "missed"))
+    lines = []
+    for (world, split), rows in told.items():
+        cells = []
+        for reasons, key in WHY.values():
+            bound = _mean([one[f"{key}_bound"] for one in rows])
+            cells.append(f"{whole(_mean([one[key] for one in rows]))} ({whole(bound)})" if bound is not None else "-")
+            cells.append(_missed(rows, reasons) if bound is not None else "-")
+        lines.append((f"{world}, {split}", cells))
+    return plain_grid(heads, lines, "percent")
+
+
+def _seed_cells(rows: list[dict[str, Any]]) -> list[str]:
+    """Means of the seeds, the lowest and the highest in brackets."""
+    points = [told["after"][OBSERVED] for told in rows]
+
+    def cell(values: list[float | None], bound: list[float | None] | None = None) -> str:
+        known = f" ({_ranged(bound)})" if bound else ""
+        return f"{_ranged(values)}{known}"
+
+    return [
+        str(len({digest_of(told["policy"]) for told in rows})),
+        " / ".join(cell([told[key] for told in rows]) for key in ("parent_p", "parent_r")),
+        cell([point[BOTH[0]] for point in points], [point[BOTH[1]] for point in points]),
+        cell([told["mechanism_accuracy"] for told in rows], [told["mechanism_bound"] for told in rows]),
+        *(cell([told[key] for told in rows]) for key in ("what_if", "pred_a")),
+    ]
+
+
+def _ranged(values: list[float | None]) -> str:
+    """Their mean, and the lowest and the highest where they differ."""
+    ends = _range(values) if len({whole(one) for one in values}) > 1 else ""
+    return f"{whole(_mean(values))}{ends}"
 
 
 def _calibration_grid(told: _Judged) -> Grid:
@@ -256,7 +314,10 @@ TOLD = (
     "pred_a_successful",
 )  # fmt: skip
 OVER = ("boards", "objects", "mechanisms")
-REASONS = {"not asked": "not asked", "parents": "parents", "never met": "never met", "otherwise": "else"}
+WHY = {
+    "what if": ("what_if_missed_because", "what_if"),
+    "rewirings placed": ("rewired_missed_because", "rewired_placed"),
+}
 OBSERVED = "22"
 """After so many actions a recording is judged as a whole."""
 BOTH = ("link_parent_f1", "link_parent_f1_bound")

@@ -2,7 +2,7 @@
 
     python -m benchmarks.tables.world_gates --work FOLDER --assets DIR --out benchmarks/results/world-gates.json
         [--policy FOLDER[,FOLDER]] [--models mechanism,FOLDER] [--sets validation] [--only gates,time] [--boards 200]
-        [--camera real] [--no-what-if]
+        [--curious] [--camera real] [--no-what-if]
 
 The boards are those of `datasets/worlds`, whose hashes are compared. A learned interaction policy acts on them, 30
 actions each, and the models are judged, together, by `busybot eval reason`, which logs each judging of a test set. Sets
@@ -12,7 +12,9 @@ judged beside, on the same recordings.
 The policy is a training's folder. The shipped one, which acts without `--policy`, learned from procedural objects and
 misses many links of real ones: what it records tells less. Recordings of each policy, and before each camera, have a
 folder of their own. Of as many policies as models each acts for the model in its place, so that a row has a seed of all
-that is learned. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
+that is learned. With `--curious` the model that ships chooses among the links that the policy knows, as
+`collect --policy curious` does. Without questions "what if" nothing is told of mechanisms, and judging takes a third of
+the time.
 
 Every command resumes, so this one does; what a model was judged on already is not judged again.
 """
@@ -31,6 +33,7 @@ from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError, UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+from busybot.plan.curious import REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
 frozen: Any = import_module("datasets.worlds")
@@ -54,6 +57,7 @@ def recorded(world: str, name: str, policy: str | None, options: argparse.Namesp
         BusybotError: the boards are not those that were frozen.
     """
     folder: Path = options.work / f"{digest_of(policy_hashes(policy))}{_suffix(options)}" / world / name
+    chosen_by = "curious" if options.curious else "learned"
     busybot(*generating(folder, frozen.SETS[name], options.boards, SEED, options.assets), "--world", world)
     dataset = Dataset.open(folder)
     cards = read_json(frozen.FILES / f"{world}.json")["objects"].get(assets_name(options.assets), {})
@@ -61,14 +65,20 @@ def recorded(world: str, name: str, policy: str | None, options: argparse.Namesp
         raise BusybotError(
             f"{world}/{name}: not the frozen boards", "draw them with the same objects; see datasets/worlds/README.md"
         )
-    acting = ("--policy", "learned", *(("--model", policy) if policy else ()))
+    acting = ("--policy", chosen_by, *(("--model", policy) if policy else ()))
     drawing = ("--steps", str(STEPS), "--seed", str(SEED), "--assets", str(options.assets), "--camera", options.camera)
     busybot("collect", str(folder), *acting, *drawing)
     return folder
 
 
 def _suffix(options: argparse.Namespace) -> str:
-    return "" if options.camera == "clean" else f"-{options.camera}"
+    asked = f"-{digest_of(curious_hashes())}" if options.curious else ""
+    return asked if options.camera == "clean" else f"{asked}-{options.camera}"
+
+
+def curious_hashes() -> dict[str, str]:
+    """Hashes of the files of the model that is curious."""
+    return file_hashes(find_folder(REASONER, "reason"))
 
 
 def policy_hashes(policy: str | None) -> dict[str, str]:
@@ -129,8 +139,10 @@ def figures_of(told: dict[str, Any]) -> dict[str, Any]:
 def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every set of every world."""
     rows = told_rows(options.out, KIND)
-    if options.out.exists() and read_json(options.out).get("camera", "clean") != options.camera:
-        raise UsageError(f"{options.out}: its boards were seen by another camera", "name another file")
+    told = read_json(options.out) if options.out.exists() else {}
+    if told and (told.get("camera", "clean"), "curious" in told) != (options.camera, options.curious):
+        what = "its boards were seen by another camera, or acted on by another policy"
+        raise UsageError(f"{options.out}: {what}", "name another file")
     parts = models_by_policy(options)
     hashes = {model: file_hashes(find_folder(model, "reason")) for models in parts.values() for model in models}
     for world in chosen(options.only, ALL) if options.only else ALL:
@@ -140,6 +152,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 judged = judged_as(world, name, policy, {model: hashes[model] for model in models}, options)
                 cells |= {Path(model).name: row for model, row in judged.items()}
             about = {"assets": assets_name(options.assets), "boards": options.boards, "camera": options.camera}
+            about |= {"curious": curious_hashes()} if options.curious else {}
             yield {**about, "rows": {one: rows[one] for one in ALL if one in rows}}
 
 
@@ -168,6 +181,7 @@ def main(words: Sequence[str] | None = None) -> None:
     options.add_argument("--sets", default=frozen.VALIDATION, help=f"of {', '.join(frozen.SETS)}, comma-separated")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--boards", type=int, default=200, help="of each set, the first ones")
+    options.add_argument("--curious", action="store_true", help="the model that ships chooses what is done")
     options.add_argument("--camera", choices=("clean", "real"), default="clean", help="before which the policy acts")
     options.add_argument("--no-what-if", action="store_true", help="do not ask what would have happened otherwise")
     arguments = options.parse_args(words)

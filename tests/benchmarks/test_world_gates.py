@@ -264,8 +264,21 @@ def test_before_another_camera_boards_are_recorded_anew(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
+def test_the_model_that_ships_chooses_where_it_is_curious(tmp_path: Path) -> None:
+    out = tmp_path / "gates.json"
+    words = ["--work", str(tmp_path / "work"), "--only", "gates", "--boards", "1", "--no-what-if", "--out", str(out)]
+    world_gates.main([*words, "--curious"])
+    told = read_result(out, "world-gates")
+    [recorded] = (tmp_path / "work").glob("*/gates/validation")
+    collect = Dataset.open(recorded).info.collect
+    assert collect is not None and collect.policy == "curious" and told["curious"]["weights.safetensors"]
+    with pytest.raises(UsageError, match="acted on by another policy"):
+        world_gates.main(words)
+
+
+@pytest.mark.long
 def test_other_boards_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world_gates, "SEED", 1)
     with pytest.raises(BusybotError, match="gates/validation: not the frozen boards"):
-        options = Namespace(work=tmp_path, assets="procedural", boards=1, camera="clean")
+        options = Namespace(work=tmp_path, assets="procedural", boards=1, camera="clean", curious=False)
         world_gates.recorded("gates", "validation", None, options)

@@ -42,6 +42,15 @@ def gate_reasons() -> str:
     return markdown([_reasons_grid(told)])
 
 
+def curious_gates() -> str:
+    """The same gates and figures where the model that ships chose what was done, of the same five models."""
+    rows, told = result("curious-gates")["rows"], {}
+    for place in ((world, split) for world, sets in rows.items() for split in sets):
+        told[place] = list(rows[place[0]][place[1]].values())
+    _check_judged({**_judged(), **told})
+    return markdown([_gates_grid(told), _figures_grid(told)])
+
+
 def pipeline_gates() -> str:
     """What five seeds of all that is learned reach, each on what its own policy records, beside one policy for all."""
     rows, shared, lines = result("pipeline-gates")["rows"], _judged(), []
@@ -72,7 +81,7 @@ def _check_judged(told: _Judged) -> None:
     for judged in ("model", "policy"):
         weights = {frozenset(digest_of(one[judged]) for one in seeds) for seeds in told.values()}
         if len(weights) > 1:
-            what = f"world-gates, validation-gates: the {judged} is not that of all sets"
+            what = f"validation-gates, world-gates, curious-gates: the {judged} is not that of all sets"
             raise BusybotError(what, "judge all of them with the same ones; put one result in the place of the other")
 
 

@@ -1,8 +1,10 @@
 """Chooses the actions that tell most about what causes what: `busybot collect --policy curious`.
 
 Links are found by the learned policy: candidates that nobody tried come first. Then what the reasoner expects to learn
-about all responders decides: of moving each link, and of trying once more what did not move, which may be a link yet,
-as far as the interaction model believes so. What there is to go by are the pictures so far, with the objects' boxes in
+about all responders decides: of moving each link, this way or that, as far as the interaction model believes that it
+goes there, and of trying once more what did not move, which may be a link yet, as far as it believes so. A link may go
+on to where nobody has seen it. What moves where it is taken hold of is a link, though so few pixels change, because
+nothing responds, that there is no reward. What there is to go by are the pictures so far, with the objects' boxes in
 the first of them, as in a recording.
 """
 
@@ -33,6 +35,8 @@ REASONER = "mechanism"
 """The shipped reasoner that is asked if none is named."""
 NEW = 1.0
 """A link that nobody has seen moving would tell so much, nats: what the first actions on known ones do."""
+NEGLIGIBLE = 0.02
+"""What a way leads to is not asked about if it works less probably than that."""
 CERTAIN = 0.95
 """The policy knows what there is to know when it is so sure of all parents (`--until-known`)."""
 
@@ -105,22 +109,27 @@ class CuriousPolicy:
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
         watched, seen = self._watched, self._seen
         assert watched is not None and seen is not None
-        self._inner.observe(action, executed, reward, after)
+        memory = self._inner.memory
+        moved = memory is not None and watched.changed(after) and memory.moved_at(action.pixel, seen, after)
+        self._inner.observe(action, executed, int(reward or moved), after)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
 
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
-        """Expected information, see `interact.policy.learned.Worth`."""
+        """Expected information, see `interact.policy.learned.Worth`; where one way does not work the other is tried."""
         assert self._watched is not None
         self._sequence = self._watched.sequence()
-        each = directions.shape[1]
-        positions = np.repeat(found.positions, each, axis=0)
-        actions = np.concatenate([positions, DIRECTIONS[directions.ravel()]], axis=1).astype(np.float32)
+        works = np.take_along_axis(found.directions, directions, axis=1)
+        asked = (works > NEGLIGIBLE) | (works >= works.max(axis=1, keepdims=True))
+        places, ways = np.nonzero(asked)
+        actions = np.concatenate([found.positions[places], DIRECTIONS[directions[places, ways]]], axis=1)
         observed = self._watched.observed
-        acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int).repeat(each)
-        told = self._reasoner.expected_information(self._sequence, actions, acted).reshape(directions.shape)
+        acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int)[places]
+        told = np.zeros(directions.shape)
+        told[asked] = self._reasoner.expected_information(self._sequence, actions.astype(np.float32), acted)
+        told = works * told + (1 - works) * told[:, ::-1]
         return np.where((found.regions > 0)[:, None], told, NEW * found.scores[:, None])
 
 

@@ -23,6 +23,8 @@ BESIDE = 3
 """Pixels beyond those that can have moved, so that the border of what is looked at is empty."""
 NEGLIGIBLE = 0.05
 """Failures whose weight at a candidate is lower do not reach it."""
+MOVED = 8
+"""A link moved if the depth of so many pixels changed where it was taken hold of."""
 ANOTHER_COLOUR = 16
 """Levels of 256 by which a channel of a pixel differs that looks otherwise; compressed pictures differ by less."""
 
@@ -89,6 +91,17 @@ class BoardMemory:
         self.responders |= self._responding(differs)
         self.responders -= self._moved
         return link
+
+    def moved_at(self, pixel: tuple[int, int], before: Observation, after: Observation) -> bool:
+        """Whether something moved where an action took hold, however few pixels changed."""
+        around = _within_reach(pixel, self._config, self.links.shape)
+        components = self._components[around]
+        body = (components == self._components[pixel[1], pixel[0]]) & (components > 0)
+        middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
+        depth, _ = self._compared(before, after)
+        differs = np.abs(before.depth[around] - depth[around]) > self._config.change
+        region = moved_region(before.depth[around], depth[around], middle, body, self._config)
+        return int(np.count_nonzero(differs & region)) >= MOVED
 
     def _compared(self, before: Observation, after: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Depth after an action that differs from that before where something moved, and pixels that look otherwise,

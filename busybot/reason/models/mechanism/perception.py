@@ -96,6 +96,16 @@ class Perceived:
         after[link] = on if goes_on else best
         return after
 
+    def pushed_on(self, action: np.ndarray, acted: int) -> int | None:
+        """The link that an action would push on from where it stands in the end, away from the only other state that it
+        was seen in: it may have a third one there. None if there is none; arguments as of `moved`."""
+        link = self.link_at(action, acted)
+        if link is None or self.trace.sizes[link] != STATES - 1:
+            return None
+        now, ways = int(self.trace.links[-1, link]), self.links.directions[link]
+        there = ways[1 - now, now] - ways[now, 1 - now]
+        return link if there @ action[3:] > 0 else None
+
     def link_at(self, action: np.ndarray, acted: int) -> int | None:
         """The link of this trigger whose pixels lie where an action takes hold, and no other's; else the one that was
         taken hold of nearest to it, above all aside of its way, if that was near; None where an action took hold of

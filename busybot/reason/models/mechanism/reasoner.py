@@ -48,6 +48,8 @@ from busybot.reason.models.mechanism.study import study_of
 from busybot.reason.models.mechanism.unseen import Touched
 from busybot.reason.pyg import HeteroData
 
+NOWHERE = 0.1
+"""How far to believe that a link can be pushed on to where it was never seen: so much as before it was tried."""
 KINDS = {
     "own and now": "unreliable",
     "odd": "toggle",
@@ -304,20 +306,17 @@ class MechanismReasoner:
         return told
 
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """See `Curious`: an action moves a link as the seen ones did, or nothing."""
+        """See `Curious`: an action moves a link as the seen ones did, on to where it was never seen, or nothing."""
         known = self._understand(seen)
         trace, clusters = known.trace, known.perceived.links.clusters
-        moves = [
-            tuple(known.perceived.moved(trace.links[-1], action, owner).tolist())
-            for action, owner in zip(actions, acted.tolist(), strict=True)
-        ]
-        distinct = list(dict.fromkeys(moves))
+        leads = [_led(known.perceived, seen.actions, *one) for one in zip(actions, acted.tolist(), strict=True)]
+        distinct = list(dict.fromkeys(move for move, _ in leads))
         of, shares = known.at()
         told = expected_information(trace, known.found, shares, distinct, of)
         for number, move in enumerate(distinct):
             for link in np.flatnonzero(trace.links[-1] != move):
                 told[number] *= patience(trace, clusters, int(link))
-        return told[[distinct.index(one) for one in moves]]
+        return np.array([told[distinct.index(move)] * NOWHERE**vain for move, vain in leads])
 
     def certainty(self, seen: BoardSequence) -> float:
         """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""
@@ -440,6 +439,21 @@ class MechanismReasoner:
             else:
                 kinds[index] = "clock" if timed[number] else "flicker" if changed[number] else "rest"
         return tuple(kinds), lags
+
+
+def _led(perceived: Perceived, proposed: np.ndarray, action: np.ndarray, acted: int) -> tuple[tuple[int, ...], int]:
+    """In which states an action that works leaves the links; and if it pushes one on to where it was never seen, which
+    is the last of `STATES`, whichever way that lies, how often that was tried in vain.
+
+    Args:
+        proposed: all actions so far, as of `BoardSequence`.
+    """
+    now, link = perceived.trace.links[-1], perceived.pushed_on(action, acted)
+    if link is None:
+        return tuple(perceived.moved(now, action, acted).tolist()), 0
+    own = (perceived.links.clusters == link) & (perceived.trace.links[:-1, link] == now[link])
+    vain = int((own & (proposed[:, 3:] @ action[3:] > 0)).sum())  # or it had been seen there
+    return (*now[:link].tolist(), STATES - 1, *now[link + 1 :].tolist()), vain
 
 
 def _together(changed: np.ndarray, alone: np.ndarray) -> np.ndarray:

@@ -84,6 +84,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "world-gates": gate_tables.world_gates,
         "gate-intervals": gate_tables.gate_intervals,
         "gate-reasons": gate_tables.gate_reasons,
+        "pipeline-gates": gate_tables.pipeline_gates,
         "calibration": gate_tables.calibration,
         "world-row": speed_tables.world_row,
         "further-gates": gate_tables.further_gates,

@@ -44,11 +44,10 @@ def gate_reasons() -> str:
 
 def curious_gates() -> str:
     """The same gates and figures where the model that ships chose what was done, of the same five models."""
-    rows, told = result("curious-gates")["rows"], {}
-    for place in ((world, split) for world, sets in rows.items() for split in sets):
-        told[place] = list(rows[place[0]][place[1]].values())
-    _check_judged({**_judged(), **told})
-    return markdown([_gates_grid(told), _figures_grid(told)])
+    rows = result("curious-gates")["rows"]
+    told = {(world, split): list(seeds.values()) for world, sets in rows.items() for split, seeds in sets.items()}
+    _check_judged({**_judged(), **{(world, f"curious {split}"): seeds for (world, split), seeds in told.items()}})
+    return markdown([_gates_grid(told), _figures_grid(told), _reasons_grid(told)])
 
 
 def pipeline_gates() -> str:

@@ -118,6 +118,62 @@ def test_chance_may_be_in_figures_as_far_as_the_widest_of_the_seeds_intervals(mo
     assert told(seed(0.95, None, 0))[2] == "85 (85-90 / 85-90 / -)", "what has no interval over kinds"
 
 
+def test_of_a_hundred_that_are_missed_it_is_told_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def seed(missed: int) -> dict[str, Any]:
+        questions = {"luck": 1, "parents": missed, "otherwise": 0}
+        changes = {"not determined": 0, "otherwise": 1}
+        return row(
+            what_if_bound=0.97, what_if_missed_because=questions, rewired_placed=0.5, rewired_placed_bound=1.0,
+            rewired_missed_because=changes,
+        )  # fmt: skip
+
+    calm = {**seed(0), "rewired_placed": None, "rewired_placed_bound": None}
+    older = {**seed(1), "what_if_missed_because": None}
+    rows = {
+        "rewired": {"validation": {"a": seed(3), "b": seed(5)}, "novel-object": {"a": older}},
+        "gates": {"validation": {"a": calm}},
+    }
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": rows if name == "world-gates" else {}})
+    told = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in gate_tables.gate_reasons().splitlines()[2:]
+    ]
+    assert told == [
+        ["rewired, validation", "95 (97)", "luck 20, parents 80, else 0", "50 (100)", "not determined 0, else 100"],
+        ["gates, validation", "95 (97)", "luck 100, parents 0, else 0", "-", "-"],
+    ]
+
+
+def test_other_recordings_of_the_same_models_stand_beside_those_of_one_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def seed(weights: str, policy: str, what_if: float) -> dict[str, Any]:
+        reasons = {"what_if_bound": 1.0, "what_if_missed_because": {"luck": 1}, "rewired_placed_bound": None}
+        told = {"model": {"weights.safetensors": weights}, "policy": {"weights.safetensors": policy}}
+        return row(**told, **reasons, what_if=what_if)
+
+    def rows(policies: str, *answered: float) -> dict[str, Any]:
+        seeds = {
+            name: seed(name, policy, what_if) for name, policy, what_if in zip("ab", policies, answered, strict=True)
+        }
+        return {"rows": {"mixed": {"novel-config": seeds}}}
+
+    files = {
+        "world-gates": rows("pp", 0.8, 0.9),
+        "pipeline-gates": rows("pq", 0.7, 0.9),
+        "curious-gates": rows("pp", 0.9, 1.0),
+    }
+    monkeypatch.setattr(gate_tables, "result", lambda name: files.get(name, {"rows": {}}))
+    own, shared = (
+        [cell.strip() for cell in line.strip("|").split("|")] for line in gate_tables.pipeline_gates().splitlines()[2:]
+    )
+    assert (own[0], own[1], own[5]) == ("mixed, novel-config", "2", "80 [70-90]")
+    assert (shared[0], shared[1], shared[5]) == ("mixed, novel-config: one policy for all", "1", "85 [80-90]")
+    assert "| mixed: what if | at least 90 | 95.0 (90.0) ✓ |" in gate_tables.curious_gates()
+    files["curious-gates"]["rows"]["mixed"]["novel-config"]["b"] = seed("c", "p", 1.0)
+    files["pipeline-gates"]["rows"]["mixed"]["novel-config"]["b"] = seed("c", "p", 1.0)
+    for table in (gate_tables.curious_gates, gate_tables.pipeline_gates):
+        with pytest.raises(BusybotError, match="the models? (is not that of all sets|are not those of world-gates)"):
+            table()
+
+
 def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     def files(of_test_sets: str) -> dict[str, Any]:
         model = {"README.md": "later", "weights.safetensors": of_test_sets}

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.directions import DIRECTIONS
 from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED
+from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
-from busybot.plan.curious import CuriousFactory, CuriousPolicy, curious_reasoner
+from busybot.plan.curious import NEW, CuriousFactory, CuriousPolicy, curious_reasoner
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
@@ -102,6 +104,41 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
     fond.sure = 1.0
     ended = record_episode(simulator, board, factory, 24, InteractionConfig(), 0)
     assert len(ended.steps) < 24 and ended.settings[ENDED] == {"of": 24}
+
+
+def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_does(simulator: Simulator) -> None:
+    """Of two candidates on known links; the second goes one way only, so that nobody is asked about the other."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory, asked = Kept(LearnedPolicyFactory("procedural", "collect")), list[np.ndarray]()
+    record_episode(simulator, board, factory, 3, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+
+    class Asked:
+        def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
+            asked.append(actions)
+            return np.where(actions[:, 5] > 0, 2.0, 1.0)
+
+    policy._reasoner = Asked()
+    up, down = (int(np.flatnonzero(DIRECTIONS[:, 2] * sign > 0.9)[0]) for sign in (1, -1))
+    works = np.zeros((3, 18))
+    works[0, [up, down]], works[1, [up, down]], works[2, up] = (0.75, 0.5), (0.0, 1.0), 0.5
+    pixels, pairs = np.full((3, 2), 5), np.zeros((3, 9))
+    pairs[:, 0] = 0.5
+    found = Candidates(pixels, np.zeros((3, 3), np.float32), np.ones(3), works, pairs, np.array([1, 2, -1]))
+    told = policy.worth(found, np.array([[up, down]] * 3))
+    assert told.tolist() == [[0.75 * 2 + 0.25, 0.5 + 0.5 * 2], [1.0, 1.0], [NEW * 0.5, NEW * 0.5]]
+    assert [action[5] > 0 for action in asked[0][:3]] == [True, False, False]
+
+
+def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) -> None:
+    """Where a reward asks for more pixels than there are, what is known are links all the same; nothing is not."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(delta=10**6), 0)
+    memory = vars(factory)["policy"]._inner.memory
+    moved = {(step.acted_object, step.acted_link) for step in episode.steps if step.success}
+    assert not any(step.reward for step in episode.steps) and len(moved) > 1
+    assert len(moved) - 1 <= len(memory.pairs) <= len(moved)
 
 
 def test_who_cannot_tell_is_not_asked() -> None:

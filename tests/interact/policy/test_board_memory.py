@@ -59,6 +59,16 @@ def test_a_motion_without_visible_depth_leaves_a_small_region() -> None:
     assert region[50, 50] and 5 <= region.sum() <= 25
 
 
+def test_what_moves_where_an_action_took_hold_is_told_from_what_moves_elsewhere() -> None:
+    assert fresh().moved_at((50, 50), BOTH_UP, LEFT_DOWN)
+    assert not fresh().moved_at(
+        (60, 50), BOTH_UP, picture(SWITCH, (LEFT, BUTTON), (RIGHT, BUTTON), ((100, 100, 110, 110), 0.1))
+    )
+    assert not fresh().moved_at((50, 50), BOTH_UP, BOTH_UP)
+    slightly = picture(SWITCH, (LEFT, BUTTON), (RIGHT, BUTTON), ((49, 49, 51, 51), PRESSED))
+    assert not fresh().moved_at((50, 50), BOTH_UP, slightly), "four pixels"
+
+
 def test_neighbouring_buttons_are_two_links() -> None:
     memory = fresh()
     assert memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN) == 1

@@ -37,8 +37,8 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.laws import Moment
 from busybot.reason.models.mechanism.networks import MechanismNet
-from busybot.reason.models.mechanism.perception import perceive
-from busybot.reason.models.mechanism.reasoner import AT_ONCE, MechanismReasoner, _together, _Understood
+from busybot.reason.models.mechanism.perception import BACK, perceive
+from busybot.reason.models.mechanism.reasoner import AT_ONCE, NOWHERE, MechanismReasoner, _together, _Understood
 from busybot.reason.models.mechanism.training.labelled import draw_boards, labelled
 from busybot.reason.models.mechanism.training.learner import _looked_at
 from busybot.reason.models.mechanism.unseen import Touched
@@ -407,6 +407,24 @@ def test_boards_that_lack_triggers_or_responders_are_answered(
     assert told.shape == (1, *current.shape) and np.isfinite(told).all()
     assert np.isfinite(reasoner.expected_information(seen, watched.actions[:3], acted[:3])).all()
     assert 0 <= reasoner.certainty(seen) <= 1
+
+
+def test_a_link_may_go_on_to_where_it_was_never_seen_as_long_as_that_was_not_tried(watched: BoardSequence) -> None:
+    """Each switch was seen in two states: what is on beyond tells more than the way back, less with each vain try."""
+    reasoner = MechanismReasoner(Right(), "embedded")
+    trace, last = perceive(watched, "embedded").trace, PRESSES.index(0)
+    up = trace.links[-1, 0] == 1
+    on = watched.actions[last] * (1 if up else BACK)
+    actions, acted = np.stack([on, on * BACK]), np.zeros(2, int)
+    beyond, back = reasoner.expected_information(watched, actions, acted)
+    assert beyond > 0.1 > back >= 0
+    often = [
+        press == 0 and state == trace.links[-1, 0] for press, state in zip(PRESSES, trace.links[:, 0], strict=False)
+    ]
+    tried = watched.actions.copy()
+    tried[np.flatnonzero(often)[:2], 3:] = on[3:]  # which then went back, as recordings tell of what was done
+    again = replace(watched, actions=tried)
+    assert reasoner.expected_information(again, actions, acted) == pytest.approx([beyond * NOWHERE**2, back])
 
 
 @pytest.mark.parametrize("seed", range(20))

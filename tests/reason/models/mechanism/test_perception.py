@@ -92,6 +92,19 @@ def test_a_link_may_go_on_to_a_state_that_nobody_has_seen_and_comes_back_from_th
     assert [pushed(whole, end, way) for end in (0, 2) for way in (UP, DOWN)] == [1, 1, 1, 1]
 
 
+def test_it_is_pushed_on_away_from_the_only_other_state_that_was_seen() -> None:
+    def on(perceived: Perceived, *ways: tuple[float, float, float]) -> list[int | None]:
+        return [perceived.pushed_on(np.array([0.0, 0, 0, *way]), 0) for way in ways]
+
+    once = seen([(0,), (1,)], [(0.0, UP, 0)], (2,))
+    assert on(once, UP, DOWN, ASIDE) == [0, None, None]
+    back = seen([(0,), (1,), (0,)], [(0.0, UP, 0), (0.0, DOWN, 0)], (2,))
+    assert on(back, UP, DOWN) == [None, 0]
+    assert on(seen([(0,), (1,), (2,)], [(0.0, UP, 0), (0.0, UP, 0)], (3,)), UP, DOWN) == [None, None]
+    far = np.array([0.9, 0, 0, *UP])
+    assert once.pushed_on(far, 0) is None and once.pushed_on(np.array([0.0, 0, 0, *UP]), 1) is None
+
+
 def test_a_link_is_held_where_its_pixels_are() -> None:
     """The camera looks down; .1 board units are ten pixels."""
     pose = np.diag([1.0, -1, -1, 1])

@@ -85,6 +85,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "gate-intervals": gate_tables.gate_intervals,
         "gate-reasons": gate_tables.gate_reasons,
         "pipeline-gates": gate_tables.pipeline_gates,
+        "curious-gates": gate_tables.curious_gates,
         "calibration": gate_tables.calibration,
         "world-row": speed_tables.world_row,
         "further-gates": gate_tables.further_gates,

@@ -125,14 +125,21 @@ def judge(dataset: Path, outs: dict[str, Path], options: argparse.Namespace) -> 
         )
 
 
-def figures_of(told: dict[str, Any]) -> dict[str, Any]:
-    """What counts of an evaluation."""
+def figures_of(file: Path) -> dict[str, Any]:
+    """What counts of an evaluation.
+
+    Raises:
+        BusybotError: an earlier version made it, which did not tell all.
+    """
+    told = read_json(file)
+    if missing := [key for key in FIGURES if key not in told]:
+        raise BusybotError(f"{file}: {', '.join(missing)}: not told", "delete the file; the same command judges anew")
     points = {point["actions"]: point for point in told["discovery"]}
     return {
         "boards": told["boards"],
         "after": {str(actions): {key: points[actions][key] for key in POINT} for actions in AFTER if actions in points},
         "uncertain": told["uncertain_by_images"],
-        **{key: told.get(key) for key in FIGURES},  # older evaluations do not tell all
+        **{key: told[key] for key in FIGURES},
     }
 
 
@@ -140,7 +147,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every set of every world."""
     rows = told_rows(options.out, KIND)
     told = read_json(options.out) if options.out.exists() else {}
-    if told and (told.get("camera", "clean"), "curious" in told) != (options.camera, options.curious):
+    chooser = {"curious": curious_hashes()} if options.curious else {}
+    if told and (told.get("camera", "clean"), told.get("curious")) != (options.camera, chooser.get("curious")):
         what = "its boards were seen by another camera, or acted on by another policy"
         raise UsageError(f"{options.out}: {what}", "name another file")
     parts = models_by_policy(options)
@@ -152,8 +160,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
                 judged = judged_as(world, name, policy, {model: hashes[model] for model in models}, options)
                 cells |= {Path(model).name: row for model, row in judged.items()}
             about = {"assets": assets_name(options.assets), "boards": options.boards, "camera": options.camera}
-            about |= {"curious": curious_hashes()} if options.curious else {}
-            yield {**about, "rows": {one: rows[one] for one in ALL if one in rows}}
+            yield {**about, **chooser, "rows": {one: rows[one] for one in ALL if one in rows}}
 
 
 def judged_as(
@@ -170,7 +177,7 @@ def judged_as(
     outs = {model: Path(f"{named}-{digest_of(hashes)}.json") for model, hashes in models.items()}
     judge(dataset, outs, options)
     by = policy_hashes(policy)
-    return {model: {"model": models[model], "policy": by, **figures_of(read_json(outs[model]))} for model in models}
+    return {model: {"model": models[model], "policy": by, **figures_of(outs[model])} for model in models}
 
 
 def main(words: Sequence[str] | None = None) -> None:

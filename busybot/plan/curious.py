@@ -4,8 +4,9 @@ Links are found by the learned policy: candidates that nobody tried come first. 
 about all responders decides: of moving each link, this way or that, as far as the interaction model believes that it
 goes there, and of trying once more what did not move, which may be a link yet, as far as it believes so. A link may go
 on to where nobody has seen it. What moves where it is taken hold of is a link, though so few pixels change, because
-nothing responds, that there is no reward. What there is to go by are the pictures so far, with the objects' boxes in
-the first of them, as in a recording.
+nothing responds, that there is no reward. What did not move may be held by how a responder is, and is believed in again
+when responders look as they never did when it was tried, the less so the more often that was in vain. What there is to
+go by are the pictures so far, with the objects' boxes in the first of them, as in a recording.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,10 +34,12 @@ from busybot.training.model_cards import file_hashes, find_folder
 NAME = "curious"
 REASONER = "mechanism"
 """The shipped reasoner that is asked if none is named."""
-NEW = 1.0
-"""A link that nobody has seen moving would tell so much, nats: what the first actions on known ones do."""
+NEW = 3.0
+"""A link that nobody has seen moving would tell so much, nats: what the first few actions on a known one do."""
 NEGLIGIBLE = 0.02
 """What a way leads to is not asked about if it works less probably than that."""
+HELD = 0.6
+"""What did not move is so probably a link that a responder holds, before anything was tried again."""
 CERTAIN = 0.95
 """The policy knows what there is to know when it is so sure of all parents (`--until-known`)."""
 
@@ -96,31 +99,49 @@ class CuriousPolicy:
         self._until_known = until_known
         self._watched: Watched | None = None
         self._seen: Observation | None = None
-        self._sequence: BoardSequence | None = None  # what `worth` was asked about in this decision
+        self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
+        self._asked = self._explored = False  # whether `worth` was asked, in this decision and ever
+        self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
+        self._tried_again = [0.0, 0.0]  # what failed once, and how often it moved and did not when it could have
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
             self._watched = Watched(observation, self._detections, self._extractor)
-        self._seen, self._sequence = observation, None
+        self._seen, self._sequence, self._asked = observation, None, False
+        self._reconsider(self._watched)
         action = self._inner.select_action(observation, rng)
-        nothing_new = self._until_known and self._sequence is not None
-        return None if nothing_new and self._reasoner.certainty(self._sequence) >= CERTAIN else action
+        known = self._until_known and self._asked and self._sequence is not None
+        return None if known and self._reasoner.certainty(self._sequence) >= CERTAIN else action
 
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
         watched, seen = self._watched, self._seen
         assert watched is not None and seen is not None
         memory = self._inner.memory
-        moved = memory is not None and watched.changed(after) and memory.moved_at(action.pixel, seen, after)
-        self._inner.observe(action, executed, int(reward or moved), after)
+        assert memory is not None
+        moved = bool(reward) or (watched.changed(after) and memory.moved_at(action.pixel, seen, after))
+        if len(self._released):
+            here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
+            self._tried_again[0 if moved else 1] += here.max(initial=0.0)
+        self._inner.observe(action, executed, int(moved), after)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
 
+    def _reconsider(self, watched: Watched) -> None:
+        """What could not be moved may move now that something else looks otherwise."""
+        memory, self._released = self._inner.memory, np.zeros(0)
+        if self._explored and memory is not None and memory.failures:
+            self._sequence = watched.sequence()
+            self._released = self._reasoner.released(self._sequence, memory.tries())
+            moved, in_vain = self._tried_again
+            memory.overcome(((HELD + moved) / (1 + moved + in_vain) * self._released).tolist())
+
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`; where one way does not work the other is tried."""
         assert self._watched is not None
-        self._sequence = self._watched.sequence()
+        self._asked = self._explored = True
+        self._sequence = self._sequence or self._watched.sequence()
         works = np.take_along_axis(found.directions, directions, axis=1)
         asked = (works > NEGLIGIBLE) | (works >= works.max(axis=1, keepdims=True))
         places, ways = np.nonzero(asked)
@@ -129,7 +150,7 @@ class CuriousPolicy:
         acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int)[places]
         told = np.zeros(directions.shape)
         told[asked] = self._reasoner.expected_information(self._sequence, actions.astype(np.float32), acted)
-        told = works * told + (1 - works) * told[:, ::-1]
+        told = works * told + (1 - works) * (works * told)[:, ::-1]
         return np.where((found.regions > 0)[:, None], told, NEW * found.scores[:, None])
 
 

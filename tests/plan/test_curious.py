@@ -1,5 +1,6 @@
 """The curious policy: what it sees while it acts is what is recorded, and it does what tells most."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED
+from busybot.interact.policy.board_memory import Failure
 from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
-from busybot.plan.curious import NEW, CuriousFactory, CuriousPolicy, curious_reasoner
+from busybot.plan.curious import HELD, NEW, CuriousFactory, CuriousPolicy, curious_reasoner
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
@@ -82,6 +84,9 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
         def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
             return -actions[:, 0].astype(float)
 
+        def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
+            return np.zeros(len(tries))
+
         def certainty(self, seen: object) -> float:
             return self.sure
 
@@ -126,7 +131,8 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
     pairs[:, 0] = 0.5
     found = Candidates(pixels, np.zeros((3, 3), np.float32), np.ones(3), works, pairs, np.array([1, 2, -1]))
     told = policy.worth(found, np.array([[up, down]] * 3))
-    assert told.tolist() == [[0.75 * 2 + 0.25, 0.5 + 0.5 * 2], [1.0, 1.0], [NEW * 0.5, NEW * 0.5]]
+    either = [0.75 * 2 + 0.25 * 0.5 * 1, 0.5 * 1 + 0.5 * 0.75 * 2]
+    assert told.tolist() == [either, [1.0, 1.0], [NEW * 0.5, NEW * 0.5]]
     assert [action[5] > 0 for action in asked[0][:3]] == [True, False, False]
 
 
@@ -139,6 +145,31 @@ def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) 
     moved = {(step.acted_object, step.acted_link) for step in episode.steps if step.success}
     assert not any(step.reward for step in episode.steps) and len(moved) > 1
     assert len(moved) - 1 <= len(memory.pairs) <= len(moved)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(simulator: Simulator, held: bool) -> None:
+    """A stand-in expects a little of everything; what is in the way of a failure is gone, or it is not."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    memory, watched = policy._inner.memory, policy._watched
+    assert memory is not None and watched is not None
+
+    class Told:
+        def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
+            return np.full(len(tries), float(not held))
+
+    policy._reasoner, policy._tried_again, memory.failures = Told(), [0.0, 0.0], []
+    policy._reconsider(watched)
+    assert not len(policy._released)
+    memory.failed(Failure((20, 20), {0: 0.5}, 0))
+    policy._reconsider(watched)
+    assert memory.failures[0].overcome == (0 if held else HELD)
+    policy._tried_again = [0.0, 3.0]
+    policy._reconsider(watched)
+    assert memory.failures[0].overcome == (0 if held else HELD / 4), "who was wrong so often believes it less"
 
 
 def test_who_cannot_tell_is_not_asked() -> None:

@@ -8,7 +8,8 @@ from a lever by what switches it on. One of which a link moved is a trigger, and
 Only what the agent may read enters: the pictures before and after its own actions, the directions executed, the reward.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -36,10 +37,14 @@ class Failure:
     Attributes:
         pixel: (u, v).
         pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
+        action: which of the board's actions it was, from 0; -1 if nobody asks.
+        overcome: how probable it is that what was in the way then is not there any more.
     """
 
     pixel: tuple[int, int]
     pairs: dict[int, float]
+    action: int = -1
+    overcome: float = 0.0
 
 
 class BoardMemory:
@@ -93,12 +98,15 @@ class BoardMemory:
         return link
 
     def moved_at(self, pixel: tuple[int, int], before: Observation, after: Observation) -> bool:
-        """Whether something moved where an action took hold, however few pixels changed."""
+        """Whether something moved where an action took hold, however few pixels changed. Before a noisy camera, whose
+        depth frays at edges, nobody can tell."""
+        depth, _ = self._compared(before, after)
+        if self._noisy:
+            return False
         around = _within_reach(pixel, self._config, self.links.shape)
         components = self._components[around]
         body = (components == self._components[pixel[1], pixel[0]]) & (components > 0)
         middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
-        depth, _ = self._compared(before, after)
         differs = np.abs(before.depth[around] - depth[around]) > self._config.change
         region = moved_region(before.depth[around], depth[around], middle, body, self._config)
         return int(np.count_nonzero(differs & region)) >= MOVED
@@ -135,6 +143,15 @@ class BoardMemory:
         """Remember an action without reward."""
         self.failures.append(failure)
 
+    def tries(self) -> list[list[int]]:
+        """For each failure the actions that failed where it was."""
+        there = self.failed_at(np.array([one.pixel for one in self.failures], int).reshape(-1, 2))
+        return [[one.action for one, near in zip(self.failures, row, strict=True) if near] for row in there]
+
+    def overcome(self, beliefs: Sequence[float]) -> None:
+        """Believe of each failure so much that what was in the way is not there any more: it tells so much less."""
+        self.failures = [replace(one, overcome=now) for one, now in zip(self.failures, beliefs, strict=True)]
+
     def doubted(self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What remains of the model's beliefs after what happened on this board.
 
@@ -151,11 +168,13 @@ class BoardMemory:
         penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
-            penalty += (1 - near) * (self._config.component_penalty * same + self._config.failure_penalty)
+            far = (1 - near) * (1 - failure.overcome)
+            penalty += far * (self._config.component_penalty * same + self._config.failure_penalty)
         penalty += self._config.responder_penalty * _among(components, self.responders)
         penalty -= self._config.trigger_bonus * _among(components, self._triggers())
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
+            near = near * (1 - failure.overcome)
             for pair, pair_belief in failure.pairs.items():
                 beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
                 pairs = self._without(pairs, pair, near)
@@ -179,9 +198,13 @@ class BoardMemory:
         return np.asarray(counts[self._components[pixels[:, 1], pixels[:, 0]]])
 
     def tried_here(self, pixels: np.ndarray) -> np.ndarray:
-        """Which of the pixels (K, 2) are as near to a failure as no two candidates are to each other, bool (K,)."""
+        """At which of the pixels (K, 2) an action has failed, bool (K,)."""
+        return np.asarray(self.failed_at(pixels).any(axis=0))
+
+    def failed_at(self, pixels: np.ndarray) -> np.ndarray:
+        """Which of F failures are as near to which of the pixels (K, 2) as no two candidates are, bool (F, K)."""
         failed = np.array([failure.pixel for failure in self.failures]).reshape(-1, 1, 2)
-        return (np.abs(failed - pixels).max(axis=2) <= self._config.peak_radius).any(axis=0)
+        return np.asarray(np.abs(failed - pixels).max(axis=2) <= self._config.peak_radius)
 
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""

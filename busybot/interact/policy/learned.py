@@ -110,7 +110,8 @@ class LearnedPolicy(Generic[V]):
         if reward:
             memory.succeeded(action.pixel, executed[-1], before, after)
         else:
-            memory.failed(Failure(action.pixel, {int(PAIR_OF[choice.direction]): choice.pair_belief}))
+            pairs = {int(PAIR_OF[choice.direction]): choice.pair_belief}
+            memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1))
 
     def _look(self, observation: Observation) -> tuple[V, BoardMemory]:
         if self.view is None or observation is not self._seen:

@@ -82,6 +82,7 @@ class JudgedCauses:
         told: bool (P, 2, N), whether the model told of each responder what happened, and what had happened without an
             action, in each pair of questions; True for what is not asked. None where it cannot be asked.
         unlucky: bool (P, N), see `what_if.Pairs`; of what is asked.
+        exchanged: bool (P, N), whose mechanism had been exchanged when what was asked about ended.
         rewired: whether changed mechanisms are found; None where nobody knows the states.
         spurious: int (K + 1, 2), pairs of objects, and of links and objects, that are claimed besides, of objects that
             are not there (`proposed`); None where all objects were given.
@@ -97,6 +98,7 @@ class JudgedCauses:
     mechanisms: tuple[JudgedMechanism, ...] = ()
     told: np.ndarray | None = None
     unlucky: np.ndarray | None = None
+    exchanged: np.ndarray | None = None
     rewired: JudgedRewirings | None = None
     spurious: np.ndarray | None = None
 
@@ -546,14 +548,9 @@ def _with_mechanisms(
     judged: JudgedCauses, watched: Watched, graph: InferredGraph, reasoner: Reasoner | None
 ) -> JudgedCauses:
     asked = watched.asked
-    right, told = watched.ask(reasoner, asked.walk), None
-    objects, both = len(watched.controlled), watched.pairs
-    unlucky = np.zeros((0, objects), bool) if both is None else both.unlucky & watched.controlled
+    right = watched.ask(reasoner, asked.walk)
     if right is not None:
-        told = np.zeros((0, 2, objects), bool)
-        if both is not None:
-            answers = [watched.ask(reasoner, questions) for questions in (both.happened, both.otherwise)]
-            told = np.stack([one | ~watched.controlled for one in answers if one is not None], axis=1)
+        judged = _with_pairs(judged, watched, reasoner)
     mechanisms = []
     for one in asked.mechanisms:
         index = one.known.responder
@@ -565,7 +562,20 @@ def _with_mechanisms(
                 lag_right=None if graph.lags is None else int(graph.lags[index]) == one.lag,
             )
         )
-    return replace(judged, mechanisms=tuple(mechanisms), told=told, unlucky=unlucky)
+    return replace(judged, mechanisms=tuple(mechanisms))
+
+
+def _with_pairs(judged: JudgedCauses, watched: Watched, reasoner: Reasoner | None) -> JudgedCauses:
+    """What a model that can be asked answers to pairs of questions."""
+    pairs_, nobody = watched.pairs, np.zeros((0, len(watched.controlled)), bool)
+    if pairs_ is None:
+        return replace(judged, told=nobody[:, None].repeat(2, axis=1), unlucky=nobody, exchanged=nobody)
+    answers = [watched.ask(reasoner, questions) for questions in (pairs_.happened, pairs_.otherwise)]
+    told = np.stack([one | ~watched.controlled for one in answers if one is not None], axis=1)
+    exchanged = np.zeros(pairs_.unlucky.shape, bool)
+    for change in watched.shown_rewirings:
+        exchanged[:, change.responder] |= pairs_.after(change.happened)
+    return replace(judged, told=told, unlucky=pairs_.unlucky & watched.controlled, exchanged=exchanged)
 
 
 def _hypothesis(truth: CauseTruth, index: int) -> Hypothesis:

@@ -52,12 +52,13 @@ KEYS: dict[str, str] = {
     "would have shown had one link not been moved. Only pairs with different answers are asked",
     "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
     "what_if_bound": "the share that is told rightly by who knows the board's law and all states, and the luck that "
-    "showed; where other luck would have decided, he names what is likelier",
-    "what_if_missed_because": "of how many pairs that are told wrongly `luck` is the reason (the one of the bound is "
-    "wrong about a responder that the model is wrong about), of how many that a responder was `rewired` that the model "
-    "is wrong about, of how many that its `parents` are not those that it has, of how many that its `mechanism` is not "
+    "showed; where other luck would have decided, he names what is likelier. Null as `what_if`",
+    "what_if_missed_because": "of how many pairs that are told wrongly `luck` is the reason (of a responder the model "
+    "tells rightly what it showed, and with the one of the bound wrongly what it would have shown), of how many that "
+    "the mechanism of a responder that the model is wrong about was exchanged before what is asked about ended "
+    "(`rewired`), of how many that its `parents` are not those that it has, of how many that its `mechanism` is not "
     "foretold on the tour either, or that it was not asked there, of how many it is something else (`otherwise`); the "
-    "first of these that holds counts. Null as `what_if`",
+    "first of these that holds counts. Null as `what_if`, and without pairs",
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
@@ -73,8 +74,8 @@ KEYS: dict[str, str] = {
     **rewirings.KEYS,
     "rewired_missed_because": "of how many rewirings that are not placed this is `not determined` (the exact observer "
     "does not place them, either), of how many the responder's `parents` are not those that are claimed in the end, "
-    "how many are `not found` in time, or placed elsewhere (`otherwise`); the first of these that holds counts. Null "
-    "as `rewired_placed`",
+    "how many are `not found` in time, or placed elsewhere (`otherwise`); the first of these that holds counts. Of "
+    "boards that the exact observer could follow; null if they have no rewirings, and as `rewired_placed`",
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
@@ -231,36 +232,47 @@ def _missed(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int] | None
 
 def _missed_pairs(causes: Sequence[JudgedCauses], steps: int) -> dict[str, int] | None:
     """Why questions "what if" are not answered, see `KEYS`."""
-    judged = [(one, one.told, one.unlucky) for one in causes if one.told is not None and one.unlucky is not None]
+    judged = [
+        (one, *each)
+        for one in causes
+        if one.told is not None and one.unlucky is not None and one.exchanged is not None
+        for each in zip(one.told, one.unlucky, one.exchanged, strict=True)
+    ]
     counts = dict.fromkeys(("luck", "rewired", "parents", "mechanism", "otherwise"), 0)
-    for one, answers, lucks in judged:
-        changed = {each.responder for each in one.rewired.rewired} if one.rewired else set()
+    for one, (happened, otherwise), unlucky, exchanged in judged:
+        wrong = set(np.flatnonzero(~(happened & otherwise)).tolist())
         unknown = {each.responder for each in one.mechanisms if not each.right}
-        for told, unlucky in zip(answers, lucks, strict=True):
-            wrong = set(np.flatnonzero(~told.all(0)).tolist())
-            reasons = {
-                "luck": wrong & set(np.flatnonzero(unlucky).tolist()), "rewired": wrong & changed,
-                "parents": wrong & _misplaced(one, steps), "mechanism": wrong & unknown, "otherwise": wrong,
-            }  # fmt: skip
-            if wrong:
-                counts[_first(reasons)] += 1
+        reasons = {
+            "luck": (happened & ~otherwise & unlucky).any(), "rewired": wrong & set(np.flatnonzero(exchanged).tolist()),
+            "parents": wrong & _misplaced(one, steps), "mechanism": wrong & unknown, "otherwise": wrong,
+        }  # fmt: skip
+        if wrong:
+            counts[_first(reasons)] += 1
     return counts if judged else None
 
 
 def _missed_changes(causes: Sequence[JudgedCauses]) -> dict[str, int] | None:
     """Why rewirings are not placed, see `KEYS`."""
     counts = dict.fromkeys(("not determined", "parents", "not found", "otherwise"), 0)
-    judged = [(one, one.rewired, one.rewired.told) for one in causes if one.rewired and one.rewired.told]
-    for one, changes, told in judged:
-        wrong = _misplaced(one, len(one.true) - 1)
-        bound = changes.bound.placed if changes.bound else (True,) * len(told.placed)
-        for each, known, found, placed in zip(changes.rewired, bound, told.found, told.placed, strict=True):
-            reasons = {
-                "not determined": not known, "parents": each.responder in wrong, "not found": not found,
-                "otherwise": True,
-            }  # fmt: skip
-            if not placed:
-                counts[_first(reasons)] += 1
+    judged = [
+        (_misplaced(one, len(one.true) - 1), *each)
+        for one in causes
+        if one.rewired and one.rewired.told and one.rewired.bound
+        for each in zip(
+            one.rewired.rewired,
+            one.rewired.bound.placed,
+            one.rewired.told.found,
+            one.rewired.told.placed,
+            strict=True,
+        )
+    ]
+    for wrong, change, known, found, placed in judged:
+        reasons = {
+            "not determined": not known, "parents": change.responder in wrong, "not found": not found,
+            "otherwise": True,
+        }  # fmt: skip
+        if not placed:
+            counts[_first(reasons)] += 1
     return counts if judged else None
 
 

@@ -74,17 +74,17 @@ class Hypothesis:
         return tuple(sorted(self.inputs)), *_meaning(self.mechanism, order)
 
 
-class _Branches:
+class Branches:
     """Stands for a generator of luck, and takes the first of all ways but where it is told another one."""
 
     def __init__(self, path: Sequence[int]):
-        self._path, self.weight = path, 1.0
+        self.path, self.weight = path, 1.0
         self.taken: list[int] = []
         self.ways: list[int] = []
 
     def pick(self, weights: Sequence[float]) -> int:
         number = len(self.taken)
-        way = self._path[number] if number < len(self._path) else 0
+        way = self.path[number] if number < len(self.path) else 0
         self.taken.append(way)
         self.ways.append(len(weights))
         self.weight *= weights[way] / sum(weights)
@@ -112,7 +112,7 @@ class _Branches:
 class _Throw:
     """A number from 0 to 1 that is known when it is compared with another one, once."""
 
-    branches: _Branches
+    branches: Branches
 
     def __lt__(self, other: float) -> bool:
         return self.branches.pick([other, 1 - other]) == 0
@@ -127,16 +127,21 @@ def outcomes(draw: Callable[[np.random.Generator], Result]) -> list[tuple[float,
     Raises:
         BusybotError: it draws by something else than `integers`, `choice`, `uniform` and comparisons of `random()`.
     """
-    found: list[tuple[list[int], float, Result]] = []
+    return [(weight, result) for _, weight, result in ways(draw)]
+
+
+def ways(draw: Callable[[np.random.Generator], Result]) -> list[tuple[tuple[int, ...], float, Result]]:
+    """As `outcomes`, each with what was drawn on the way there, as `Branches` takes it."""
+    found: list[tuple[tuple[int, ...], float, Result]] = []
     waiting: list[tuple[int, ...]] = [()]
     while waiting:
         path = waiting.pop()
-        branches = _Branches(path)
+        branches = Branches(path)
         result = draw(cast(np.random.Generator, branches))
-        found.append((branches.taken, branches.weight, result))
+        found.append((tuple(branches.taken), branches.weight, result))
         for depth in range(len(path), len(branches.taken)):
             waiting += [(*branches.taken[:depth], way) for way in range(1, branches.ways[depth])]
-    return [(weight, result) for _, weight, result in sorted(found, key=lambda one: one[0]) if weight > 0]
+    return sorted((one for one in found if one[1] > 0), key=lambda one: one[0])
 
 
 @dataclass(frozen=True, eq=False)

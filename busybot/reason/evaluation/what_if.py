@@ -14,6 +14,7 @@ model needs no names of links or states.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.boards.dynamics import Bound, Dynamics, DynamicState, Triggers
 from busybot.boards.mechanisms.base import Luck
 from busybot.episodes.episode import Episode, Step
+from busybot.reason.evaluation.hypotheses import Branches, ways
 
 TOUR = 40
 """A tour has so many actions."""
@@ -28,22 +30,14 @@ PAIRS, HORIZON = 8, 4
 """So many pairs a board, over so many actions: one more than the longest delay."""
 
 
-@dataclass(frozen=True)
-class _Given:
-    """Luck that is what somebody says.
+class Recalled(Branches):
+    """Luck that goes the ways that it went once; beyond them, and where it cannot go there, the likeliest."""
 
-    Attributes:
-        share: what has a higher probability happens, nothing else.
-    """
-
-    share: float
-
-    def random(self) -> float:
-        return self.share
-
-
-LUCKS = (_Given(0.5), _Given(0.0), _Given(1.0))
-"""What is more likely than not happens; everything does that may; nothing does."""
+    def pick(self, weights: Sequence[float]) -> int:
+        number = len(self.taken)
+        if number >= len(self.path) or not weights[self.path[number]]:
+            self.path = (*self.path[:number], int(np.argmax(weights)), *self.path[number + 1 :])
+        return super().pick(weights)
 
 
 @dataclass(frozen=True)
@@ -180,12 +174,17 @@ class Pairs:
         happened: as it was.
         otherwise: the same, had the first action moved nothing.
         unlucky: bool (P, N), responders whose answers to the latter depend on luck that did not show, and came out less
-            likely: who knows the board's law and all states answers wrongly.
+            likely: who knows the board's law and all states, and guesses the likeliest, answers wrongly.
     """
 
     happened: Questions
     otherwise: Questions
     unlucky: np.ndarray
+
+    def after(self, action: int) -> np.ndarray:
+        """Which ask about the action of that number, from 0, or a later one, bool (P,)."""
+        asked = self.happened.asked
+        return np.asarray(self.happened.steps + np.where(asked, np.arange(1, asked.shape[1] + 1), 0).max(1) > action)
 
 
 class Hindsight(Dynamics):
@@ -202,12 +201,17 @@ class Hindsight(Dynamics):
         self._triggers, self._states = triggers.tolist(), states
 
     def chance(self, bound: Bound, tick: int) -> Luck:
-        """The likeliest luck after which the responder would have shown what it showed then."""
+        """The likeliest luck after which the responder would have shown what it showed then.
+
+        Raises:
+            BusybotError: as `hypotheses.outcomes`.
+        """
         before, after = self._states[tick : tick + 2]
-        number = self.bound_at(tick).index(bound)
+        number, shown = self.bound_at(tick).index(bound), after.shown[bound.responder]
         inputs, memory = bound.read(self._triggers[tick + 1], before.shown), before.memories[number]
-        might = [bound.mechanism.step(inputs, memory, luck)[0] for luck in LUCKS]
-        return LUCKS[might.index(after.shown[bound.responder])]
+        might = ways(lambda luck: bound.mechanism.step(inputs, memory, luck)[0])
+        _, path = max(((weight, path) for path, weight, state in might if state == shown), key=lambda one: one[0])
+        return cast(Luck, Recalled(path))
 
 
 def pairs(

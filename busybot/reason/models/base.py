@@ -3,6 +3,7 @@
 What a reasoner says about one episode, as plain data: metrics, tables and pictures read it alike.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -149,6 +150,11 @@ class Curious(Protocol):
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """Of each of S actions, one of which may be done next, if what it pushes goes that way, in nats, float (S,);
         arguments as of `predict`."""
+        ...
+
+    def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:
+        """How probable it is that each of F things may move now, if it could not because of how something else looked
+        when it was tried, by the actions named, from 0; float (F,)."""
         ...
 
     def certainty(self, seen: BoardSequence) -> float:

@@ -1,5 +1,7 @@
 """What the agent remembers: neighbouring buttons stay apart, failures count near by, what worked can be repeated."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory, Failure, moved_region
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF
+from busybot.interact.policy.noisy_pictures import is_noisy
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, picture
 
 CONFIG = PolicyConfig()
@@ -69,6 +72,13 @@ def test_what_moves_where_an_action_took_hold_is_told_from_what_moves_elsewhere(
     assert not fresh().moved_at((50, 50), BOTH_UP, slightly), "four pixels"
 
 
+def test_nobody_tells_moves_from_fraying_edges_before_a_noisy_camera() -> None:
+    noisy = [replace(one, rgb=one.rgb.copy()) for one in (BOTH_UP, LEFT_DOWN)]
+    for seed, one in enumerate(noisy):
+        one.rgb[:] = np.clip(one.rgb + np.random.default_rng(seed).normal(0, 12, one.rgb.shape), 0, 255)
+    assert is_noisy(noisy[0].rgb, noisy[1].rgb) and not fresh().moved_at((50, 50), *noisy)
+
+
 def test_neighbouring_buttons_are_two_links() -> None:
     memory = fresh()
     assert memory.succeeded((50, 50), UP, BOTH_UP, LEFT_DOWN) == 1
@@ -107,6 +117,26 @@ def test_a_sure_place_is_tried_again_and_an_unsure_one_is_left() -> None:
     pixels, pairs = np.array([(50, 50), (50, 50)]), np.full((2, 9), 0.5)
     beliefs, _ = memory.doubted(pixels, np.array([5.0, 1.0]), pairs)
     assert beliefs[0] > 0.9 and beliefs[1] < 0.3
+
+
+def test_a_failure_tells_less_when_what_was_in_the_way_may_be_gone() -> None:
+    pixels, told = ((50, 50), (79, 41)), []
+    for overcome in (0.0, 0.5, 1.0):
+        memory = fresh()
+        memory.failed(Failure((50, 50), {3: 0.9}, 7))
+        memory.overcome([overcome])
+        told.append(logits_of(memory, *pixels))
+    (never, _), (perhaps, _), (surely, pairs) = told
+    assert (never < perhaps).all() and (perhaps < surely).all()
+    assert surely == pytest.approx(1 / (1 + np.exp(-2))) and pairs == pytest.approx(0.5), "as if it had not been"
+
+
+def test_failures_of_one_place_are_told_together() -> None:
+    memory = fresh()
+    for action, pixel in enumerate(((50, 50), (79, 41), (51, 49))):
+        memory.failed(Failure(pixel, {3: 0.9}, action))
+    assert memory.tries() == [[0, 2], [1], [0, 2]] and fresh().tries() == []
+    assert memory.tried_here(np.array([(50, 51), (60, 50)])).tolist() == [True, False]
 
 
 def test_a_later_success_explains_a_failure() -> None:

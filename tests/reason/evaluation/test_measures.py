@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from busybot.boards.mechanisms.base import Chance, Inputs, Memory
+from busybot.boards.mechanisms.chance import Unreliable
 from busybot.boards.spec import Relation, Rewiring
 from busybot.episodes.episode import Episode
 from busybot.evaluation.statistics import LEAST_PAIRS
@@ -21,7 +23,7 @@ from busybot.reason.evaluation.causes import (
     relations_at,
 )
 from busybot.reason.evaluation.causes_summary import KEYS, hamming, summarise_causes
-from busybot.reason.evaluation.what_if import HORIZON, TOUR, contacts_of
+from busybot.reason.evaluation.what_if import HORIZON, TOUR, Recalled, contacts_of
 from busybot.reason.models.base import Imagining, InferredGraph, InferredLinks, Reasoner, imagine
 from busybot.reason.models.lookup import Persistence
 from tests.reason.worlds import LINKS, Knower, judge_of, play, relation, sequence_of
@@ -258,6 +260,29 @@ def test_who_knows_the_law_and_what_luck_did_guesses_the_rest() -> None:
         assert judged.unlucky is not None and not judged.unlucky.any()
 
 
+def test_luck_may_be_asked_for_several_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lamp that two throws have to allow, of which the second is made where the first one did."""
+
+    def step(self: Unreliable, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        fires = chance is None or (chance.random() < self.probability and chance.random() < self.probability)
+        now = self.shown(inputs) if fires else memory[0]
+        return now, (now,)
+
+    monkeypatch.setattr(Unreliable, "step", step)
+    lucky = relation("unreliable", (0, 3), 1, (0, 1, 1, 1), probability=0.9)
+    episodes = [play([lucky, FOLLOWS], (0, 3, 0, 3, 0, 3), "chance", index=index) for index in range(12)]
+    told = [(episode, asked(episode, Knower(episode), images=7)) for episode in episodes]
+    assert 0.5 < summary(*told, images=7)["what_if_bound"] < 1
+
+
+def test_luck_is_remembered_as_far_as_it_goes() -> None:
+    recalled = Recalled((1, 0))
+    assert not recalled.random() < 0.9, "as it was"
+    assert not recalled.random() < 0.0, "it cannot be as it was"
+    assert recalled.random() < 0.6 and not recalled.random() < 0.4, "then what is likelier"
+    assert recalled.taken == [1, 1, 0, 1]
+
+
 def test_it_is_told_why_questions_are_missed() -> None:
     """Of the AND something is told wrongly: its parents are wrong, or they are right and the tour is wrong, too."""
     episode, right = play([AND, FOLLOWS], PRESSES), ((0, 1), (3, 1), (0, 2))
@@ -271,8 +296,9 @@ def test_it_is_told_why_questions_are_missed() -> None:
         }  # fmt: skip
         whole = judged
     assert whole is not None and whole.told is not None and whole.unlucky is not None
-    lucky = replace(whole, unlucky=~whole.told.all(1))
-    assert summary((episode, lucky))["what_if_missed_because"]["luck"] == missed
+    happened, otherwise = whole.told[:, 0], whole.told[:, 1]
+    lucky = summary((episode, replace(whole, unlucky=np.ones_like(whole.unlucky))))["what_if_missed_because"]["luck"]
+    assert lucky == (happened & ~otherwise).any(1).sum() < missed, "who is wrong about what happened has no excuse"
     known = judge_causes(watched(episode), claims(*right), Knower(episode))
     assert not any(summary((episode, known))["what_if_missed_because"].values())
     assert summary((episode, judge_causes(watched(episode), claims(*right))))["what_if_missed_because"] is None

@@ -12,9 +12,9 @@ from busybot.reason.evaluation import causes
 from busybot.reason.evaluation.causes import JudgedCauses, Watched, judge_causes
 from busybot.reason.evaluation.causes_summary import summarise_causes
 from busybot.reason.evaluation.ground_truth import trace_of
-from busybot.reason.evaluation.rewirings import BESIDE, WITHIN, Rewired, shown_rewirings
+from busybot.reason.evaluation.rewirings import BESIDE, WITHIN, JudgedChanges, Rewired, shown_rewirings
 from busybot.reason.models.base import InferredGraph
-from tests.reason.worlds import LINKS, play, relation, sequence_of
+from tests.reason.worlds import LINKS, Knower, judge_of, play, relation, sequence_of
 
 FOLLOWS, OTHER = relation("one-to-one", (3,), 2, (0, 1)), relation("one-to-one", (0,), 2, (0, 1))
 AND, XOR = (
@@ -130,7 +130,12 @@ def test_it_is_told_why_a_rewiring_is_not_placed(since: int, at: int, right: boo
     graph = says(2, since, at)
     graph.probabilities[:, 0 if right else 3, 2] = 1.0
     reasons = dict.fromkeys(("not determined", "parents", "not found", "otherwise"), 0) | ({why: 1} if why else {})
-    assert summary((rewired(), graph))["rewired_missed_because"] == reasons
+    judged = judge(episode := rewired(), graph)
+    assert judged.rewired is not None
+    known = replace(judged, rewired=replace(judged.rewired, bound=JudgedChanges((True,), (True,), (0,), 0)))
+    figures, unknown = (summarise_causes([(episode.board, one)], 17, None, 0) for one in (known, judged))
+    assert figures["rewired_missed_because"] == reasons
+    assert unknown["rewired_missed_because"] is None, "nobody knows what is determined: the observer did not follow"
 
 
 def test_what_the_exact_observer_does_not_place_is_not_determined() -> None:
@@ -140,6 +145,20 @@ def test_what_the_exact_observer_does_not_place_is_not_determined() -> None:
     blind = replace(judged, rewired=replace(judged.rewired, bound=judged.rewired.told))
     reasons = summarise_causes([(episode.board, blind)], 17, None, 0)["rewired_missed_because"]
     assert reasons == {"not determined": 1, "parents": 0, "not found": 0, "otherwise": 0}
+
+
+def test_a_rewiring_excuses_questions_that_reach_it_alone() -> None:
+    """Who knows what is true until then, and not that it changes, is wrong where a question goes on beyond it."""
+    episode = play([AND, FOLLOWS], PRESSES, "rewired", rewirings=(Rewiring(step=HAPPENED, relation=OTHER),))
+    sequence, everyone = sequence_of(episode), np.array([False, True, True, False, True])
+    seen = Watched(episode, sequence.actions, sequence.acted, everyone, 17, None, sequence, judge_of(sequence))
+    judged = judge_causes(seen, says(2, STEPS, -1), Knower(episode, [AND, FOLLOWS]))
+    assert seen.pairs is not None and judged.told is not None and judged.exchanged is not None
+    ends = seen.pairs.happened.steps + seen.pairs.happened.asked.sum(1)
+    assert judged.exchanged[:, 2].tolist() == (ends > HAPPENED).tolist() and not judged.exchanged[:, [1, 4]].any()
+    assert set(judged.exchanged[:, 2]) == {False, True} and judged.told[~judged.exchanged[:, 2]].all()
+    missed = summarise_causes([(episode.board, judged)], 17, None, 0)["what_if_missed_because"]
+    assert missed["rewired"] == sum(missed.values()) == (~judged.told[..., 2].all(1)).sum() > 0
 
 
 def test_the_distance_is_counted_outside_of_the_time_in_which_nobody_can_tell() -> None:
@@ -178,6 +197,7 @@ def test_who_says_nothing_is_not_judged_and_the_observer_is() -> None:
     told = summary((rewired(), InferredGraph("silent", np.zeros((STEPS, 5, 5)))))
     assert told["rewired_found"] is told["rewired_placed"] is told["rewired_false_alarms"] is None
     assert told["rewired_missed_because"] is None
+    assert summary((board(), says(2, STEPS, -1)))["rewired_missed_because"] is None, "there was none"
     assert told["rewirings"] == 1 and told["rewired_found_bound"] is None, "the space has no rewirings so early"
     assert summary((board(), says(2, STEPS, -1)))["rewired_false_alarms_bound"] == 0.0
 

@@ -75,6 +75,24 @@ def patience(trace: Trace, acted: Sequence[int] | np.ndarray, link: int) -> floa
     return float(0.5 ** (alike & failed).sum())
 
 
+def released(responders: np.ndarray, tries: Sequence[Sequence[int]]) -> np.ndarray:
+    """How probable it is that something may move now that could not whenever it was tried, if a responder's state held
+    it: any responder in any of its states may be what it waits for, but those in which it was tried in vain;
+    float (F,).
+
+    Args:
+        responders: int (T + 1, R), states after each action.
+        tries: for each of F things the actions that failed to move it, from 0.
+    """
+    there = np.arange(STATES) < np.maximum(responders.max(0) + 1, 2)[:, None]  # (R, states)
+    told = []
+    for actions in tries:
+        in_vain = (responders[list(actions)][..., None] == np.arange(STATES)).any(0)
+        waited_for = there & ~in_vain
+        told.append(waited_for[np.arange(len(there)), responders[-1]].sum() / max(1, waited_for.sum()))
+    return np.array(told)
+
+
 def certainty(found: Explanations, shares: np.ndarray) -> float:
     """The probability that the likeliest set of parents of every responder is the right one.
 

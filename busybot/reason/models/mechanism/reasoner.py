@@ -32,7 +32,7 @@ from busybot.reason.models.mechanism.contexts import (
     goals,
     memories,
 )
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience, released
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import (
     BoardFacts,
@@ -317,6 +317,10 @@ class MechanismReasoner:
             for link in np.flatnonzero(trace.links[-1] != move):
                 told[number] *= patience(trace, clusters, int(link))
         return np.array([told[distinct.index(move)] * NOWHERE**vain for move, vain in leads])
+
+    def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:
+        """See `Curious`."""
+        return released(study_of(seen, self.encoder).perceived.trace.responders, tries)
 
     def certainty(self, seen: BoardSequence) -> float:
         """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""

@@ -1,10 +1,11 @@
 """What an action would tell: most where explanations disagree, nothing where everything is known."""
 
 import numpy as np
+import pytest
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience, released
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -80,3 +81,12 @@ def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_n
     flipped[1 - moved] ^= 1
     told = expected_information(early, known, reasoner.explain(early, [1])[1][..., 0], [flipped, early.links[-1]])
     assert told[0] > told[1]
+
+
+def test_what_was_held_may_move_when_responders_look_as_they_never_did_when_it_was_tried() -> None:
+    """Of three lamps the last one never changed: something may still wait for it, or for what was not tried."""
+    shown = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    told = released(shown, [[0], [0, 1], [0, 1, 2], [3], []])
+    assert told == pytest.approx([1 / 3, 1 / 2, 0, 0, 3 / 6])
+    assert released(shown[:1], [[0]]) == pytest.approx([0]) and released(shown, []).shape == (0,)
+    assert released(shown[:, :0], [[0]]) == pytest.approx([0]), "no responders"

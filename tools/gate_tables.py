@@ -419,12 +419,12 @@ def _times(own: int, other: int, most: int, limit: float) -> str:
 
 def _plans() -> Iterator[_Line]:
     """Success of plans through mechanisms and how long they are."""
-    for file, history in (("world-plans-learned", "learned"), ("world-plans", "scripted")):
+    for file, history in (("world-plans-curious", "curious"), ("world-plans", "scripted")):
         rows = result(file)["rows"]
         for world in ("gates", "time", "chain"):
             played = _played(rows[world])
             place = f"{world}, {history} histories"
-            moved = _where_all_moved(rows[world]) if history == "learned" else ""
+            moved = _where_all_moved(rows[world]) if history == "curious" else ""
             yield _goals(f"{place}: goals reached", 0.93, played, moved)
             gates = [_Gate("", one["steps_over_shortest"], 1.3, False) for one in played]
             yield f"{place}: steps over the shortest plan", ("at most 1.3", _times_cell(gates))

@@ -151,7 +151,17 @@ class CuriousPolicy:
         told = np.zeros(directions.shape)
         told[asked] = self._reasoner.expected_information(self._sequence, actions.astype(np.float32), acted)
         told = works * told + (1 - works) * (works * told)[:, ::-1]
+        told *= self._patience(found.pixels)[:, None]
         return np.where((found.regions > 0)[:, None], told, NEW * found.scores[:, None])
+
+    def _patience(self, pixels: np.ndarray) -> np.ndarray:
+        """How far to believe that known links at pixels (K, 2) move: half as much with every action that failed there,
+        unless what held them then may have let go; float (K,)."""
+        assert self._inner.memory is not None
+        there = self._inner.memory.failed_at(pixels)
+        released = self._released if len(self._released) else np.zeros(len(there))
+        now = (there * released[:, None]).max(axis=0, initial=0.0)
+        return np.asarray(now + (1 - now) * 0.5 ** there.sum(axis=0))
 
 
 def curious_reasoner(name_or_path: str) -> Any:

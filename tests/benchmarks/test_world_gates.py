@@ -128,7 +128,7 @@ def test_of_a_hundred_that_are_missed_it_is_told_why(monkeypatch: pytest.MonkeyP
         )  # fmt: skip
 
     calm = {**seed(0), "rewired_placed": None, "rewired_placed_bound": None}
-    older = {**seed(1), "what_if_missed_because": None}
+    older = {**seed(1), "what_if_missed_because": None, "rewired_missed_because": None}
     rows = {
         "rewired": {"validation": {"a": seed(3), "b": seed(5)}, "novel-object": {"a": older}},
         "gates": {"validation": {"a": calm}},
@@ -220,7 +220,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
             "gates": {"recorded": {"curious": {**choice, "cpu_ms": 120.0}, "learned": {**choice, "until": 41}}}
         },
         **{name: {world: {"agents": {"mechanism": plans}} for world in ("gates", "time", "chain")}
-           for name in ("world-plans", "world-plans-learned")},
+           for name in ("world-plans", "world-plans-curious")},
         **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
            for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
                               ("lock-plans-curious", {}))},
@@ -236,7 +236,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     assert told["CPU-ms of a curious action, pictures, simulation and all, the dearer of `gates` and `time`"] == "120 ✓"
     assert (
         told["time, scripted histories: goals reached"] == "95.0 ✓"
-        and told["time, learned histories: steps over the shortest plan"] == "-"
+        and told["time, curious histories: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
     late = {"until": 12, "f1": [0.5] * 40, "stops": {"boards": 5, "wrong": 0}}

@@ -136,6 +136,21 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
     assert [action[5] > 0 for action in asked[0][:3]] == [True, False, False]
 
 
+def test_a_known_link_that_fails_is_worth_less_unless_what_held_it_may_have_let_go(simulator: Simulator) -> None:
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, 3, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    memory, pixels = policy._inner.memory, np.array([(50, 50), (90, 50)])
+    assert memory is not None
+    memory.failures, policy._released = [Failure((50, 50), {0: 0.5}), Failure((51, 50), {0: 0.5})], np.zeros(0)
+    assert policy._patience(pixels).tolist() == [0.25, 1.0], "nobody has asked yet"
+    policy._released = np.array([0.5, 0.5])
+    assert policy._patience(pixels).tolist() == [0.5 + 0.5 * 0.25, 1.0]
+    memory.failures, policy._released = [], np.zeros(0)
+    assert policy._patience(pixels).tolist() == [1.0, 1.0]
+
+
 def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) -> None:
     """Where a reward asks for more pixels than there are, what is known are links all the same; nothing is not."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)

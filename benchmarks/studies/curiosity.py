@@ -51,7 +51,7 @@ from busybot.plan.curious import CERTAIN, REASONER
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, judge_episode
 from busybot.reason.evaluation.upper_bound import Observer, greedy
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -175,6 +175,20 @@ def drawn(
         for one in told.values():
             one["regret"] = float(np.mean(np.subtract(told["greedy"]["f1"], one["f1"])[:STEPS]))
     return found
+
+
+def patience(trace: Trace, acted: Sequence[int] | np.ndarray, link: int) -> float:
+    """How far to believe that a link moves: half as much with every action that failed to move it as things stand.
+
+    A link that something holds moves when responders look otherwise; then it is believed again.
+
+    Args:
+        acted: the link that each action took hold of, -1 for none, (T,).
+    """
+    steps = np.flatnonzero(np.asarray(acted) == link)
+    alike = (trace.responders[steps] == trace.responders[-1]).all(1)
+    failed = trace.links[steps, link] == trace.links[steps + 1, link]
+    return float(0.5 ** (alike & failed).sum())
 
 
 def _told(played: Sequence[Played], world: str) -> dict[str, Any]:

@@ -4,9 +4,10 @@ Links are found by the learned policy: candidates that nobody tried come first. 
 about all responders decides: of moving each link, this way or that, as far as the interaction model believes that it
 goes there, and of trying once more what did not move, which may be a link yet, as far as it believes so. A link may go
 on to where nobody has seen it. What moves where it is taken hold of is a link, though so few pixels change, because
-nothing responds, that there is no reward. What did not move may be held by how a responder is, and is believed in again
-when responders look as they never did when it was tried, the less so the more often that was in vain. What there is to
-go by are the pictures so far, with the objects' boxes in the first of them, as in a recording.
+nothing responds, that there is no reward; a noisy camera does not tell that. What did not move may be held by how a
+responder is, and is believed in again when responders look as they never did when it was tried, the less so the more
+often that was in vain. What there is to go by are the pictures so far, with the objects' boxes in the first of them, as
+in a recording.
 """
 
 from dataclasses import dataclass, field, replace
@@ -102,7 +103,7 @@ class CuriousPolicy:
         self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
         self._asked = self._explored = False  # whether `worth` was asked, in this decision and ever
         self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
-        self._tried_again = [0.0, 0.0]  # what failed once, and how often it moved and did not when it could have
+        self._tried_again = [0.0, 0.0]  # how much that once failed, and is no known link, moved later, and did not
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
@@ -119,7 +120,7 @@ class CuriousPolicy:
         memory = self._inner.memory
         assert memory is not None
         moved = bool(reward) or (watched.changed(after) and memory.moved_at(action.pixel, seen, after))
-        if len(self._released):
+        if len(self._released) and not memory.links[action.pixel[1], action.pixel[0]]:
             here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
             self._tried_again[0 if moved else 1] += here.max(initial=0.0)
         self._inner.observe(action, executed, int(moved), after)
@@ -203,4 +204,7 @@ class CuriousFactory:
     def provenance(self) -> dict[str, Any]:
         """Everything that decides the choices, JSON values."""
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
-        return {**self.learned.provenance(), "reasoner": reasoner, "until_known": self.until_known}
+        constants = {"new": NEW, "held": HELD, "negligible": NEGLIGIBLE, "certain": CERTAIN}
+        return {
+            **self.learned.provenance(), "reasoner": reasoner, "until_known": self.until_known, "constants": constants
+        }  # fmt: skip

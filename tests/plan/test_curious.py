@@ -22,7 +22,7 @@ from busybot.reason.inputs.observation import observe_episode
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policy import Detections
+from busybot.sim.policy import Action, Detections
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.real_camera import REAL, CameraConfig
@@ -61,6 +61,8 @@ def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(cam
         assert np.array_equal(online.arrays[name], values), name
     assert np.array_equal(online.links.states, recorded.links.states)
     assert policy._sequence is not None or camera != CameraConfig()
+    memory = policy._inner.memory
+    assert memory is not None and all(episode.steps[one.action].pixel == one.pixel for one in memory.failures)
 
 
 def test_nobody_is_certain_while_a_trigger_was_never_seen_moving(simulator: Simulator) -> None:
@@ -164,7 +166,7 @@ def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) 
 
 @pytest.mark.parametrize("held", [False, True])
 def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(simulator: Simulator, held: bool) -> None:
-    """A stand-in expects a little of everything; what is in the way of a failure is gone, or it is not."""
+    """A stand-in says that what was in the way of a failure is gone, or that it is not; what comes of it is counted."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
     record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
@@ -182,9 +184,14 @@ def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(sim
     memory.failed(Failure((20, 20), {0: 0.5}, 0))
     policy._reconsider(watched)
     assert memory.failures[0].overcome == (0 if held else HELD)
-    policy._tried_again = [0.0, 3.0]
+    for moved, counted in ((0, [0.0, 1.0]), (1, [1.0, 1.0])):
+        memory.links[20, 20], memory.failures = 0, [Failure((20, 20), {0: 0.5}, 0)]
+        assert policy._seen is not None
+        policy.observe(Action((20, 20), (0,)), (0,), moved, policy._seen)
+        assert policy._tried_again == ([0.0, 0.0] if held else counted)
+    memory.failures = [Failure((90, 20), {0: 0.5}, 0)]
     policy._reconsider(watched)
-    assert memory.failures[0].overcome == (0 if held else HELD / 4), "who was wrong so often believes it less"
+    assert memory.failures[0].overcome == pytest.approx(0 if held else (HELD + 1) / 3)
 
 
 def test_who_cannot_tell_is_not_asked() -> None:

@@ -100,15 +100,15 @@ class BoardMemory:
     def moved_at(self, pixel: tuple[int, int], before: Observation, after: Observation) -> bool:
         """Whether something moved where an action took hold, however few pixels changed. Before a noisy camera, whose
         depth frays at edges, nobody can tell."""
-        depth, _ = self._compared(before, after)
+        self._noisy = self._noisy or is_noisy(before.rgb, after.rgb)
         if self._noisy:
             return False
         around = _within_reach(pixel, self._config, self.links.shape)
         components = self._components[around]
         body = (components == self._components[pixel[1], pixel[0]]) & (components > 0)
         middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
-        differs = np.abs(before.depth[around] - depth[around]) > self._config.change
-        region = moved_region(before.depth[around], depth[around], middle, body, self._config)
+        differs = np.abs(before.depth[around] - after.depth[around]) > self._config.change
+        region = moved_region(before.depth[around], after.depth[around], middle, body, self._config)
         return int(np.count_nonzero(differs & region)) >= MOVED
 
     def _compared(self, before: Observation, after: Observation) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,14 @@ from busybot.objects.library import Library
 from busybot.reason.evaluation.decoders import StateReadout
 from busybot.reason.evaluation.ground_truth import CauseTruth, causes_of, trace_of
 from busybot.reason.evaluation.hypotheses import NOTHING, Hypothesis, Stages, board_space, lag_of
-from busybot.reason.evaluation.rewirings import ChangeBelief, JudgedRewirings, Rewired, judge_rewirings, shown_rewirings
+from busybot.reason.evaluation.rewirings import (
+    ChangeBelief,
+    JudgedRewirings,
+    Rewired,
+    first_steps,
+    judge_rewirings,
+    shown_rewirings,
+)
 from busybot.reason.evaluation.upper_bound import Belief, Observer
 from busybot.reason.evaluation.what_if import Pairs, Questions, contacts_of, pairs, told_rightly, tour
 from busybot.reason.inputs.sequence import BoardSequence
@@ -573,8 +580,8 @@ def _with_pairs(judged: JudgedCauses, watched: Watched, reasoner: Reasoner | Non
     answers = [watched.ask(reasoner, questions) for questions in (pairs_.happened, pairs_.otherwise)]
     told = np.stack([one | ~watched.controlled for one in answers if one is not None], axis=1)
     exchanged = np.zeros(pairs_.unlucky.shape, bool)
-    for change in watched.shown_rewirings:
-        exchanged[:, change.responder] |= pairs_.after(change.happened)
+    for responder, action in first_steps(watched.episode.board).items():
+        exchanged[:, responder] = pairs_.after(action)
     return replace(judged, told=told, unlucky=pairs_.unlucky & watched.controlled, exchanged=exchanged)
 
 

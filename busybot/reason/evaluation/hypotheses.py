@@ -33,6 +33,7 @@ from busybot.common.errors import BusybotError
 LEVELS = 5
 """A probability that is drawn from an interval is taken for one of so many in it."""
 NOTHING, CLOCK, UNRELIABLE = Rest.kind, "clock", "unreliable"
+DRAWN_BY = "draw by `integers`, `choice`, `uniform`, or a comparison of `random()`"
 STEPS = tuple(range(REWIRED_AT[0], REWIRED_AT[1] + 1))
 """Numbers of the actions after which a rewiring may show first."""
 Result = TypeVar("Result")
@@ -104,8 +105,7 @@ class Branches:
         return _Throw(self)
 
     def __getattr__(self, name: str) -> Any:
-        known = "`integers`, `choice`, `uniform`, or a comparison of `random()`"
-        raise BusybotError(f"a mechanism draws by `{name}`, whose results nobody can list", f"draw by {known}")
+        raise BusybotError(f"a mechanism draws by `{name}`, whose results nobody can list", DRAWN_BY)
 
 
 @dataclass
@@ -117,8 +117,17 @@ class _Throw:
     def __lt__(self, other: float) -> bool:
         return self.branches.pick([other, 1 - other]) == 0
 
+    __le__ = __lt__
+
     def __ge__(self, other: float) -> bool:
         return not self < other
+
+    __gt__ = __ge__
+
+    def _unlisted(self, *_: object) -> Any:
+        raise BusybotError("a mechanism calculates with luck, whose results nobody can list", DRAWN_BY)
+
+    __float__ = __int__ = __mul__ = __rmul__ = __add__ = __radd__ = __sub__ = __rsub__ = __truediv__ = _unlisted
 
 
 def outcomes(draw: Callable[[np.random.Generator], Result]) -> list[tuple[float, Result]]:
@@ -127,10 +136,10 @@ def outcomes(draw: Callable[[np.random.Generator], Result]) -> list[tuple[float,
     Raises:
         BusybotError: it draws by something else than `integers`, `choice`, `uniform` and comparisons of `random()`.
     """
-    return [(weight, result) for _, weight, result in ways(draw)]
+    return [(weight, result) for _, weight, result in paths(draw)]
 
 
-def ways(draw: Callable[[np.random.Generator], Result]) -> list[tuple[tuple[int, ...], float, Result]]:
+def paths(draw: Callable[[np.random.Generator], Result]) -> list[tuple[tuple[int, ...], float, Result]]:
     """As `outcomes`, each with what was drawn on the way there, as `Branches` takes it."""
     found: list[tuple[tuple[int, ...], float, Result]] = []
     waiting: list[tuple[int, ...]] = [()]

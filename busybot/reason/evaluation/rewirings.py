@@ -83,7 +83,7 @@ def shown_rewirings(dynamics: Dynamics, triggers: np.ndarray, states: Sequence[D
         states: the T + 1 states of the board that they led to.
     """
     found = []
-    for responder, happened in _first_steps(dynamics.board).items():
+    for responder, happened in first_steps(dynamics.board).items():
         others = tuple(one for one in dynamics.board.rewirings if one.relation.responder != responder)
         old = Dynamics(dynamics.board.model_copy(update={"rewirings": others}), dynamics.links, dynamics.lucky)
         memories = states[happened].memories if happened < len(states) else ()
@@ -98,7 +98,7 @@ def shown_rewirings(dynamics: Dynamics, triggers: np.ndarray, states: Sequence[D
     return found
 
 
-def _first_steps(board: BoardSpec) -> dict[int, int]:
+def first_steps(board: BoardSpec) -> dict[int, int]:
     """When each responder's mechanism changes for the first time: `changed` compares with the one at the start."""
     found: dict[int, int] = {}
     for one in sorted(board.rewirings, key=lambda one: one.step):
@@ -123,7 +123,7 @@ def judge_rewirings(
             out, whoever found them.
     """
     asked = tuple(one for one in shown if judged[one.responder] and one.showed + WITHIN < actions)
-    started = _first_steps(board)
+    started = first_steps(board)
 
     def compare(belief: ChangeBelief | None) -> JudgedChanges | None:
         return None if belief is None else _compared(belief, asked, started, judged, actions)

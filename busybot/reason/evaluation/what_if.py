@@ -22,7 +22,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.boards.dynamics import Bound, Dynamics, DynamicState, Triggers
 from busybot.boards.mechanisms.base import Luck
 from busybot.episodes.episode import Episode, Step
-from busybot.reason.evaluation.hypotheses import Branches, ways
+from busybot.reason.evaluation.hypotheses import Branches, paths
 
 TOUR = 40
 """A tour has so many actions."""
@@ -209,7 +209,7 @@ class Hindsight(Dynamics):
         before, after = self._states[tick : tick + 2]
         number, shown = self.bound_at(tick).index(bound), after.shown[bound.responder]
         inputs, memory = bound.read(self._triggers[tick + 1], before.shown), before.memories[number]
-        might = ways(lambda luck: bound.mechanism.step(inputs, memory, luck)[0])
+        might = paths(lambda luck: bound.mechanism.step(inputs, memory, luck)[0])
         _, path = max(((weight, path) for path, weight, state in might if state == shown), key=lambda one: one[0])
         return cast(Luck, Recalled(path))
 

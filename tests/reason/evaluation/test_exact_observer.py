@@ -191,6 +191,10 @@ def test_all_ways_of_drawing_are_found_with_their_probabilities() -> None:
     assert [weight for weight, one in found if one == ("rare", 2)] == [pytest.approx(0.125)]
     with pytest.raises(BusybotError, match="permutation"):
         outcomes(lambda rng: rng.permutation(3))
+    for compare in (lambda luck: luck > 0.25, lambda luck: luck >= 0.25, lambda luck: not luck < 0.25):
+        assert outcomes(lambda rng, ask=compare: ask(rng.random())) == [(0.25, False), (0.75, True)]
+    with pytest.raises(BusybotError, match="calculates with luck"):
+        outcomes(lambda rng: int(rng.random() * 3))
 
 
 @pytest.mark.parametrize("novel", [False, True])

@@ -61,20 +61,6 @@ def expected_information(
     return np.array(told)
 
 
-def patience(trace: Trace, acted: Sequence[int] | np.ndarray, link: int) -> float:
-    """How far to believe that a link moves: half as much with every action that failed to move it as things stand.
-
-    A link that something holds moves when responders look otherwise; then it is believed again.
-
-    Args:
-        acted: the link that each action took hold of, -1 for none, (T,).
-    """
-    steps = np.flatnonzero(np.asarray(acted) == link)
-    alike = (trace.responders[steps] == trace.responders[-1]).all(1)
-    failed = trace.links[steps, link] == trace.links[steps + 1, link]
-    return float(0.5 ** (alike & failed).sum())
-
-
 def released(responders: np.ndarray, tries: Sequence[Sequence[int]]) -> np.ndarray:
     """How probable it is that something may move now that could not whenever it was tried, if a responder's state held
     it: any responder in any of its states may be what it waits for, but those in which it was tried in vain;

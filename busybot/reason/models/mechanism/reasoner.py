@@ -32,7 +32,7 @@ from busybot.reason.models.mechanism.contexts import (
     goals,
     memories,
 )
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience, released
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import (
     BoardFacts,
@@ -308,14 +308,10 @@ class MechanismReasoner:
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Curious`: an action moves a link as the seen ones did, on to where it was never seen, or nothing."""
         known = self._understand(seen)
-        trace, clusters = known.trace, known.perceived.links.clusters
         leads = [_led(known.perceived, seen.actions, *one) for one in zip(actions, acted.tolist(), strict=True)]
         distinct = list(dict.fromkeys(move for move, _ in leads))
         of, shares = known.at()
-        told = expected_information(trace, known.found, shares, distinct, of)
-        for number, move in enumerate(distinct):
-            for link in np.flatnonzero(trace.links[-1] != move):
-                told[number] *= patience(trace, clusters, int(link))
+        told = expected_information(known.trace, known.found, shares, distinct, of)
         return np.array([told[distinct.index(move)] * NOWHERE**vain for move, vain in leads])
 
     def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, patience, released
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -46,14 +46,6 @@ def test_where_what_may_fail_goes_is_known_soon_and_its_failing_tells_little() -
     shares = sum(of_luck & (found.inputs == row).all(1) for row in ([1, 0, 0], [1, 1, 0])) / 2
     again, other = expected_information(trace, found, shares[None], [(1, 0), (1, 1)])
     assert 0 <= again < 0.05 and 3 * again < other
-
-
-def test_a_link_that_does_not_give_is_believed_again_when_things_stand_otherwise() -> None:
-    links = np.array([[0, 0], [0, 0], [0, 0], [1, 0], [1, 1]])
-    trace = Trace(links, np.array([[0], [0], [0], [1], [1]]), (2, 2))
-    acted = [1, 1, 0, 1]  # the second link is held while the responder shows 0
-    assert patience(trace.first(2), acted[:2], 1) == 0.25
-    assert patience(trace, acted, 1) == patience(trace.first(2), acted[:2], 0) == 1
 
 
 def test_certainty_is_that_of_sets_of_parents() -> None:

@@ -120,7 +120,7 @@ class CuriousPolicy:
         memory = self._inner.memory
         assert memory is not None
         moved = bool(reward) or (watched.changed(after) and memory.moved_at(action.pixel, seen, after))
-        if len(self._released) and not memory.links[action.pixel[1], action.pixel[0]]:
+        if not memory.links[action.pixel[1], action.pixel[0]]:
             here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
             self._tried_again[0 if moved else 1] += here.max(initial=0.0)
         self._inner.observe(action, executed, int(moved), after)
@@ -131,7 +131,8 @@ class CuriousPolicy:
 
     def _reconsider(self, watched: Watched) -> None:
         """What could not be moved may move now that something else looks otherwise."""
-        memory, self._released = self._inner.memory, np.zeros(0)
+        memory = self._inner.memory
+        self._released = np.zeros(0 if memory is None else len(memory.failures))
         if self._explored and memory is not None and memory.failures:
             self._sequence = watched.sequence()
             self._released = self._reasoner.released(self._sequence, memory.tries())
@@ -160,8 +161,7 @@ class CuriousPolicy:
         unless what held them then may have let go; float (K,)."""
         assert self._inner.memory is not None
         there = self._inner.memory.failed_at(pixels)
-        released = self._released if len(self._released) else np.zeros(len(there))
-        now = (there * released[:, None]).max(axis=0, initial=0.0)
+        now = (there * self._released[:, None]).max(axis=0, initial=0.0)
         return np.asarray(now + (1 - now) * 0.5 ** there.sum(axis=0))
 
 

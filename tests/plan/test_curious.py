@@ -125,7 +125,8 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
             asked.append(actions)
             return np.where(actions[:, 5] > 0, 2.0, 1.0)
 
-    policy._reasoner = Asked()
+    assert policy._inner.memory is not None
+    policy._reasoner, policy._released = Asked(), np.zeros(len(policy._inner.memory.failures))
     up, down = (int(np.flatnonzero(DIRECTIONS[:, 2] * sign > 0.9)[0]) for sign in (1, -1))
     works = np.zeros((3, 18))
     works[0, [up, down]], works[1, [up, down]], works[2, up] = (0.75, 0.5), (0.0, 1.0), 0.5
@@ -145,7 +146,7 @@ def test_a_known_link_that_fails_is_worth_less_unless_what_held_it_may_have_let_
     policy: CuriousPolicy = vars(factory)["policy"]
     memory, pixels = policy._inner.memory, np.array([(50, 50), (90, 50)])
     assert memory is not None
-    memory.failures, policy._released = [Failure((50, 50), {0: 0.5}), Failure((51, 50), {0: 0.5})], np.zeros(0)
+    memory.failures, policy._released = [Failure((50, 50), {0: 0.5}), Failure((51, 50), {0: 0.5})], np.zeros(2)
     assert policy._patience(pixels).tolist() == [0.25, 1.0], "nobody has asked yet"
     policy._released = np.array([0.5, 0.5])
     assert policy._patience(pixels).tolist() == [0.5 + 0.5 * 0.25, 1.0]

@@ -78,13 +78,9 @@ class BoardMemory:
             direction: the one that worked.
             before, after: what was seen.
         """
-        around = _within_reach(pixel, self._config, self.links.shape)
-        components, links = self._components[around], self.links[around]
-        component = self._components[pixel[1], pixel[0]]
-        body = (components == component) & (component > 0)
-        middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
         depth, differs = self._compared(before, after)
-        moved = moved_region(before.depth[around], depth[around], middle, body, self._config)
+        around, moved = self._beneath(pixel, before.depth, depth)
+        components, links = self._components[around], self.links[around]
         link = self._link(moved, links)
         links[enlarged(moved) & (links == 0)] = link
         links[moved] = link
@@ -103,13 +99,19 @@ class BoardMemory:
         self._noisy = self._noisy or is_noisy(before.rgb, after.rgb)
         if self._noisy:
             return False
+        around, region = self._beneath(pixel, before.depth, after.depth)
+        differs = np.abs(before.depth[around] - after.depth[around]) > self._config.change
+        return int(np.count_nonzero(differs & region)) >= MOVED
+
+    def _beneath(
+        self, pixel: tuple[int, int], before: np.ndarray, after: np.ndarray
+    ) -> tuple[tuple[slice, slice], np.ndarray]:
+        """What is near enough to (u, v) to move with it, and which of that is the link there, as of `moved_region`."""
         around = _within_reach(pixel, self._config, self.links.shape)
         components = self._components[around]
         body = (components == self._components[pixel[1], pixel[0]]) & (components > 0)
         middle = (pixel[0] - around[1].start, pixel[1] - around[0].start)
-        differs = np.abs(before.depth[around] - after.depth[around]) > self._config.change
-        region = moved_region(before.depth[around], after.depth[around], middle, body, self._config)
-        return int(np.count_nonzero(differs & region)) >= MOVED
+        return around, moved_region(before[around], after[around], middle, body, self._config)
 
     def _compared(self, before: Observation, after: Observation) -> tuple[np.ndarray, np.ndarray]:
         """Depth after an action that differs from that before where something moved, and pixels that look otherwise,

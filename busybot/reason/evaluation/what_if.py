@@ -21,6 +21,7 @@ import numpy as np
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.boards.dynamics import Bound, Dynamics, DynamicState, Triggers
 from busybot.boards.mechanisms.base import Luck
+from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode, Step
 from busybot.reason.evaluation.hypotheses import Branches, paths
 
@@ -201,16 +202,17 @@ class Hindsight(Dynamics):
         self._triggers, self._states = triggers.tolist(), states
 
     def chance(self, bound: Bound, tick: int) -> Luck:
-        """The likeliest luck after which the responder would have shown what it showed then.
-
-        Raises:
-            BusybotError: as `hypotheses.outcomes`.
-        """
+        """The likeliest luck after which the responder would have shown what it showed then; the true one of mechanisms
+        that draw it in ways that nobody can list."""
         before, after = self._states[tick : tick + 2]
         number, shown = self.bound_at(tick).index(bound), after.shown[bound.responder]
         inputs, memory = bound.read(self._triggers[tick + 1], before.shown), before.memories[number]
-        might = paths(lambda luck: bound.mechanism.step(inputs, memory, luck)[0])
-        _, path = max(((weight, path) for path, weight, state in might if state == shown), key=lambda one: one[0])
+        try:
+            might = paths(lambda luck: bound.mechanism.step(inputs, memory, luck)[0])
+        except BusybotError:
+            return super().chance(bound, tick)
+        showing = [(path, weight) for path, weight, state in might if state == shown]
+        path, _ = max(showing, key=lambda one: one[1], default=((), 0.0))
         return cast(Luck, Recalled(path))
 
 

@@ -277,6 +277,21 @@ def test_luck_may_be_asked_for_several_times(monkeypatch: pytest.MonkeyPatch) ->
     assert figures["what_if_pairs"] == 53 and figures["what_if_bound"] == 42 / 53
 
 
+def test_luck_that_nobody_can_list_is_taken_as_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The lamp calculates with what it draws: nobody guesses it, and nobody falls over it."""
+
+    def step(self: Unreliable, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        now = self.shown(inputs) if chance is None or int(chance.random() * 3) else memory[0]
+        return now, (now,)
+
+    monkeypatch.setattr(Unreliable, "step", step)
+    monkeypatch.setattr(causes, "_observed", lambda *_: None)
+    lucky = relation("unreliable", (0, 3), 1, (0, 1, 1, 1), probability=0.6)
+    episodes = [play([lucky, FOLLOWS], (0, 3, 0, 3, 0, 3), "chance", index=index) for index in range(12)]
+    told = [(episode, asked(episode, Knower(episode), images=7)) for episode in episodes]
+    assert summary(*told, images=7)["what_if_bound"] == 1.0
+
+
 def test_luck_is_remembered_as_far_as_it_goes() -> None:
     recalled = Recalled((1, 0))
     assert not recalled.random() < 0.9, "as it was"

@@ -1,13 +1,16 @@
 """Chooses the actions that tell most about what causes what: `busybot collect --policy curious`.
 
-Links are found by the learned policy: candidates that nobody tried come first. Then what the reasoner expects to learn
-about all responders decides: of moving each link, this way or that, as far as the interaction model believes that it
-goes there, and of trying once more what did not move, which may be a link yet, as far as it believes so. A link may go
-on to where nobody has seen it. What moves where it is taken hold of is a link, though so few pixels change, because
-nothing responds, that there is no reward; a noisy camera does not tell that. What did not move may be held by how a
-responder is, and is believed in again when responders look as they never did when it was tried, the less so the more
-often that was in vain. What there is to go by are the pictures so far, with the objects' boxes in the first of them, as
-in a recording.
+Every candidate of the interaction model on a trigger is worth what it is expected to tell. Of moving a known link, this
+way or that, the reasoner tells what would be learned about all responders, as far as the interaction model believes
+that the link goes there; it may go on to where nobody has seen it. A link that nobody has seen is worth as much as the
+first few actions on a known one, as far as the model believes that there is one, and every trigger has one: while none
+of a trigger's links is known, what its candidates promise is counted among each other. So links are found first, and
+places of little promise are tried when known links tell little more.
+
+What moves where it is taken hold of is a link, though so few pixels change, because nothing responds, that there is no
+reward; a noisy camera does not tell that. What did not move may be held by how a responder is, and is believed in again
+when responders look as they never did when it was tried, the less so the more often that was in vain. What there is to
+go by are the pictures so far, with the objects' boxes and roles in the first of them, as in a recording.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,7 +24,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
 from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.learned import LearnedPolicy
-from busybot.interact.policy.policy_factory import LearnedPolicyFactory
+from busybot.interact.policy.policy_factory import LearnedPolicyFactory, candidates_config, card_of, load_once
 from busybot.plan.agent_policy import OnlineFeatures
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
@@ -37,6 +40,10 @@ REASONER = "mechanism"
 """The shipped reasoner that is asked if none is named."""
 NEW = 3.0
 """A link that nobody has seen moving would tell so much, nats: what the first few actions on a known one do."""
+ELSEWHERE = 0.02
+"""A trigger's links are so probably none of its candidates, or held, before any was tried."""
+PROMISING = 0.005
+"""While a new candidate promises so much, expected success, nobody knows all that there is to know."""
 NEGLIGIBLE = 0.02
 """What a way leads to is not asked about if it works less probably than that."""
 HELD = 0.6
@@ -87,7 +94,8 @@ class CuriousPolicy:
     Args:
         inner: finds links, and asks what its actions are worth.
         reasoner: of `curious_reasoner`; expects to learn something of them.
-        until_known: end the episode when every candidate was tried and the reasoner is sure of all parents.
+        until_known: end the episode when every candidate was tried that may be one and the reasoner is sure of all
+            parents.
     """
 
     name = NAME
@@ -101,17 +109,17 @@ class CuriousPolicy:
         self._watched: Watched | None = None
         self._seen: Observation | None = None
         self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
-        self._asked = self._explored = False  # whether `worth` was asked, in this decision and ever
+        self._untried = True  # whether something new promised much, at the last decision
         self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
         self._tried_again = [0.0, 0.0]  # how much that once failed, and is no known link, moved later, and did not
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
             self._watched = Watched(observation, self._detections, self._extractor)
-        self._seen, self._sequence, self._asked = observation, None, False
+        self._seen, self._sequence = observation, None
         self._reconsider(self._watched)
         action = self._inner.select_action(observation, rng)
-        known = self._until_known and self._asked and self._sequence is not None
+        known = self._until_known and not self._untried and self._sequence is not None
         return None if known and self._reasoner.certainty(self._sequence) >= CERTAIN else action
 
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
@@ -133,28 +141,39 @@ class CuriousPolicy:
         """What could not be moved may move now that something else looks otherwise."""
         memory = self._inner.memory
         self._released = np.zeros(0 if memory is None else len(memory.failures))
-        if self._explored and memory is not None and memory.failures:
+        if memory is not None and memory.failures:
             self._sequence = watched.sequence()
             self._released = self._reasoner.released(self._sequence, memory.tries())
             moved, in_vain = self._tried_again
             memory.overcome(((HELD + moved) / (1 + moved + in_vain) * self._released).tolist())
 
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
-        """Expected information, see `interact.policy.learned.Worth`; where one way does not work the other is tried."""
+        """Expected information, see `interact.policy.learned.Worth`; less than none where there is no trigger."""
+        assert self._watched is not None and self._inner.memory is not None
+        observed, known = self._watched.observed, found.regions > 0
+        triggers = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int)
+        new = ~known & (triggers >= 0)
+        untried = new & ~self._inner.memory.tried_here(found.pixels)
+        self._untried = bool((found.scores[untried] >= PROMISING).any())
+        told = np.full(directions.shape, -1.0)
+        told[new] = NEW * on_triggers(found.scores, triggers, known)[new, None]
+        moving = known & (triggers >= 0)
+        told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
+        return told
+
+    def _of_moving(self, links: Candidates, directions: np.ndarray, triggers: np.ndarray) -> np.ndarray:
+        """The same of known links (K,); where one way does not work the other is tried."""
         assert self._watched is not None
-        self._asked = self._explored = True
         self._sequence = self._sequence or self._watched.sequence()
-        works = np.take_along_axis(found.directions, directions, axis=1)
+        works = np.take_along_axis(links.directions, directions, axis=1)
         asked = (works > NEGLIGIBLE) | (works >= works.max(axis=1, keepdims=True))
         places, ways = np.nonzero(asked)
-        actions = np.concatenate([found.positions[places], DIRECTIONS[directions[places, ways]]], axis=1)
-        observed = self._watched.observed
-        acted = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int)[places]
-        told = np.zeros(directions.shape)
-        told[asked] = self._reasoner.expected_information(self._sequence, actions.astype(np.float32), acted)
+        actions = np.concatenate([links.positions[places], DIRECTIONS[directions[places, ways]]], axis=1)
+        told, actions = np.zeros(directions.shape), actions.astype(np.float32)
+        if len(places):
+            told[asked] = self._reasoner.expected_information(self._sequence, actions, triggers[places])
         told = works * told + (1 - works) * (works * told)[:, ::-1]
-        told *= self._patience(found.pixels)[:, None]
-        return np.where((found.regions > 0)[:, None], told, NEW * found.scores[:, None])
+        return told * self._patience(links.pixels)[:, None]
 
     def _patience(self, pixels: np.ndarray) -> np.ndarray:
         """How far to believe that known links at pixels (K, 2) move: half as much with every action that failed there,
@@ -163,6 +182,25 @@ class CuriousPolicy:
         there = self._inner.memory.failed_at(pixels)
         now = (there * self._released[:, None]).max(axis=0, initial=0.0)
         return np.asarray(now + (1 - now) * 0.5 ** there.sum(axis=0))
+
+
+def on_triggers(scores: np.ndarray, triggers: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Expected success of candidates, where every trigger has a link: while none is known, one of the candidates on it
+    works, or none does for another reason.
+
+    Args:
+        scores: float (K,), expected success of each by itself.
+        triggers: int (K,), where each is, -1 for nowhere.
+        known: bool (K,), on links that were seen moving.
+
+    Returns:
+        float (K,).
+    """
+    told = scores.copy()
+    for trigger in set(triggers[~known].tolist()) - set(triggers[known].tolist()) - {-1}:
+        here = triggers == trigger
+        told[here] /= 1 - (1 - ELSEWHERE) * np.prod(1 - scores[here])
+    return told
 
 
 def curious_reasoner(name_or_path: str) -> Any:
@@ -194,17 +232,22 @@ class CuriousFactory:
     name: str = field(default=NAME, init=False)
 
     def make_detecting(self, rays: Rays, detections: Detections) -> CuriousPolicy:
-        reasoner = curious_reasoner(self.reasoner)
-        inner = self.learned.make_policy(rays)
-        assert isinstance(inner, LearnedPolicy)
+        model, reasoner = load_once(self.learned.model), curious_reasoner(self.reasoner)
+        inner = LearnedPolicy(model, rays, candidates_config(model.info, self.learned.overrides), "collect")
         policy = CuriousPolicy(inner, rays, detections, reasoner, self.until_known)
         inner.worth = policy.worth
         return policy
 
     def provenance(self) -> dict[str, Any]:
-        """Everything that decides the choices, JSON values."""
+        """Everything that decides the choices, JSON values.
+
+        Raises:
+            BusybotError: there is no such model; or an override is of what only another policy's choice reads.
+        """
+        candidates_config(card_of(self.learned.model), self.learned.overrides)
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
-        constants = {"new": NEW, "held": HELD, "negligible": NEGLIGIBLE, "certain": CERTAIN}
+        constants = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
+        constants |= {"held": HELD, "certain": CERTAIN}
         return {
             **self.learned.provenance(), "reasoner": reasoner, "until_known": self.until_known, "constants": constants
         }  # fmt: skip

@@ -16,9 +16,9 @@ from busybot.interact.policy.board_memory import Failure
 from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
-from busybot.plan.curious import HELD, NEW, CuriousFactory, CuriousPolicy, curious_reasoner
+from busybot.plan.curious import ELSEWHERE, HELD, NEW, CuriousFactory, CuriousPolicy, curious_reasoner, on_triggers
 from busybot.reason.encoders.registry import make_extractor
-from busybot.reason.inputs.observation import observe_episode
+from busybot.reason.inputs.observation import observe_episode, trigger_at
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
@@ -79,12 +79,12 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
 
     class Fond:
-        """Of the leftmost place."""
+        """Of the rightmost place, until it is sure."""
 
         encoder, sure = "embedded", 0.0
 
         def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-            return -actions[:, 0].astype(float)
+            return (1 - self.sure) * 0.1 * np.exp(5 * actions[:, 0].astype(float))
 
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.zeros(len(tries))
@@ -107,7 +107,7 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
     moved = {one for one, step in zip(held, episode.steps, strict=True) if step.reward}
     assert len(moved) > 1 and len(set(held[-4:])) == 1 and ENDED not in episode.settings
     places = [(one, step.position[0]) for one, step in zip(held, episode.steps, strict=True) if one in moved]
-    assert min(places, key=lambda place: place[1])[0] == held[-1]
+    assert max(places, key=lambda place: place[1])[0] == held[-1]
     fond.sure = 1.0
     ended = record_episode(simulator, board, factory, 24, InteractionConfig(), 0)
     assert len(ended.steps) < 24 and ended.settings[ENDED] == {"of": 24}
@@ -126,16 +126,20 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
             return np.where(actions[:, 5] > 0, 2.0, 1.0)
 
     assert policy._inner.memory is not None
-    policy._reasoner, policy._released = Asked(), np.zeros(len(policy._inner.memory.failures))
+    policy._reasoner, policy._inner.memory.failures = Asked(), []
+    assert policy._watched is not None
+    boxes = policy._watched.observed.boxes[policy._watched.observed.triggers]
+    (u0, v0, u1, v1), off = boxes[0].tolist(), [0, 0]
     up, down = (int(np.flatnonzero(DIRECTIONS[:, 2] * sign > 0.9)[0]) for sign in (1, -1))
-    works = np.zeros((3, 18))
-    works[0, [up, down]], works[1, [up, down]], works[2, up] = (0.75, 0.5), (0.0, 1.0), 0.5
-    pixels, pairs = np.full((3, 2), 5), np.zeros((3, 9))
+    works = np.zeros((5, 18))
+    works[0, [up, down]], works[1, [up, down]], works[2:, up] = (0.75, 0.5), (0.0, 1.0), 0.5
+    pixels, pairs = np.array([[(u0 + u1) // 2, (v0 + v1) // 2]] * 3 + [off] * 2), np.zeros((5, 9))
     pairs[:, 0] = 0.5
-    found = Candidates(pixels, np.zeros((3, 3), np.float32), np.ones(3), works, pairs, np.array([1, 2, -1]))
-    told = policy.worth(found, np.array([[up, down]] * 3))
+    regions = np.array([1, 2, -1, 3, -2])
+    found = Candidates(pixels, np.zeros((5, 3), np.float32), np.ones(5), works, pairs, regions)
+    told = policy.worth(found, np.array([[up, down]] * 5))
     either = [0.75 * 2 + 0.25 * 0.5 * 1, 0.5 * 1 + 0.5 * 0.75 * 2]
-    assert told.tolist() == [either, [1.0, 1.0], [NEW * 0.5, NEW * 0.5]]
+    assert told.tolist() == [either, [1.0, 1.0], [NEW * 0.5, NEW * 0.5], [-1, -1], [-1, -1]], "two off every trigger"
     assert [action[5] > 0 for action in asked[0][:3]] == [True, False, False]
 
 
@@ -216,3 +220,30 @@ def test_it_is_collected_continued_and_told_by_what_it_chose(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
     again = busybot("collect", out, "--policy", "curious", "--until-known", *small)
     assert again.returncode == 1 and "until_known" in again.stderr
+
+
+def test_every_trigger_has_a_link_so_that_its_candidates_promise_more_while_none_is_known() -> None:
+    """Trigger 4 has a known link, 5 two candidates that promise little, 6 a nearly sure one; the last is on none."""
+    scores, triggers = np.array([0.9, 0.01, 0.002, 0.004, 0.95, 0.3]), np.array([4, 4, 5, 5, 6, -1])
+    told = on_triggers(scores, triggers, np.array([True, False, False, False, False, False]))
+    one = 1 - (1 - ELSEWHERE) * 0.998 * 0.996
+    assert told[:2].tolist() == [0.9, 0.01] and told[-1] == 0.3
+    assert told[2:4] == pytest.approx([0.002 / one, 0.004 / one]) and 0.95 < told[4] < 1
+    assert told[2:4].sum() < 1
+    assert on_triggers(np.zeros(2), np.array([1, 1]), np.zeros(2, bool)).tolist() == [0, 0]
+
+
+def test_it_acts_on_triggers_alone_and_sooner_or_later_on_each() -> None:
+    simulator = Simulator(find("procedural"), RenderConfig(width=320, height=240))
+    for board in generate_boards(BoardConfig(world="gates", boards=2, seed=6, group_size=1), simulator.library):
+        factory = CuriousFactory(LearnedPolicyFactory("procedural", "collect"))
+        episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
+        observed = observe_episode(episode)
+        acted = [trigger_at(observed, step.pixel) for step in episode.steps]
+        assert set(acted) == set(observed.triggers.tolist())
+
+
+def test_what_only_chance_would_read_is_refused() -> None:
+    factory = CuriousFactory(LearnedPolicyFactory("procedural", "collect", {"persist": 0.5}))
+    with pytest.raises(BusybotError, match="learned.persist changes nothing"):
+        factory.provenance()

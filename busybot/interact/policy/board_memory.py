@@ -39,12 +39,14 @@ class Failure:
         pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
         action: which of the board's actions it was, from 0; -1 if nobody asks.
         overcome: how probable it is that what was in the way then is not there any more.
+        weight: how much it tells of other places, 0 to 1.
     """
 
     pixel: tuple[int, int]
     pairs: dict[int, float]
     action: int = -1
     overcome: float = 0.0
+    weight: float = 1.0
 
 
 class BoardMemory:
@@ -170,7 +172,7 @@ class BoardMemory:
         penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
-            far = (1 - near) * (1 - failure.overcome)
+            far = (1 - near) * (1 - failure.overcome) * failure.weight
             penalty += far * (self._config.component_penalty * same + self._config.failure_penalty)
         penalty += self._config.responder_penalty * _among(components, self.responders)
         penalty -= self._config.trigger_bonus * _among(components, self._triggers())

@@ -66,7 +66,7 @@ class LearnedPolicy(Generic[V]):
     It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
 
     Args:
-        worth: in mode `collect`, decides when all candidates were tried once, instead of chance.
+        worth: in mode `collect`, decides instead of chance.
 
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
@@ -97,7 +97,8 @@ class LearnedPolicy(Generic[V]):
         if self._mode == "evaluate":
             choice = self._best(self._find(view, observation, memory), memory)
         elif self._mode == "collect":
-            choice = self._random(self._find(view, observation, memory), memory, rng)
+            found = self._find(view, observation, memory)
+            choice = self._worthiest(found, rng) if self.worth else self._random(found, memory, rng)
         else:
             choice = self._highest(view, with_bonus=self._mode == "ucb")
         self.choice = choice = choice or _guess(view.height, rng)
@@ -111,7 +112,8 @@ class LearnedPolicy(Generic[V]):
             memory.succeeded(action.pixel, executed[-1], before, after)
         else:
             pairs = {int(PAIR_OF[choice.direction]): choice.pair_belief}
-            memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1))
+            weight = 1.0 if self.worth is None else choice.belief * choice.pair_belief  # what was expected tells little
+            memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1, weight=weight))
 
     def _look(self, observation: Observation) -> tuple[V, BoardMemory]:
         if self.view is None or observation is not self._seen:
@@ -147,17 +149,28 @@ class LearnedPolicy(Generic[V]):
             good = untried
         if not good.any():
             good = found.scores >= found.scores.max()
-        found = found.take(good)
-        if config.candidates == "peaks":  # of the paper's clusters each has one
-            found = found.best_of_regions()
-        if self.worth is not None and not untried.any():
-            return _worthiest(found, self.worth, rng)
+        found = self._of_regions(found.take(good))
         index = int(rng.integers(len(found)))
         choice = _any(found, index)
         two = [choice.direction, int(OPPOSITE[choice.direction])]
         weights = found.directions[index, two] + 1e-6
         direction = two[int(rng.random() * weights.sum() > weights[0])]
         return replace(choice, direction=direction)
+
+    def _worthiest(self, found: Candidates, rng: np.random.Generator) -> ActionChoice | None:
+        """What is worth most; chance decides among equals."""
+        if not len(found):
+            return None
+        assert self.worth is not None
+        found = self._of_regions(found)
+        ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
+        values = self.worth(found, ways)
+        index, way = rng.permutation(np.argwhere(values >= values.max()))[0].tolist()
+        return replace(_any(found, index), direction=int(ways[index, way]))
+
+    def _of_regions(self, found: Candidates) -> Candidates:
+        """One of each region; of the paper's clusters each has one."""
+        return found.best_of_regions() if self._config.candidates == "peaks" else found
 
     def _highest(self, view: V, with_bonus: bool) -> ActionChoice | None:
         """The pixel with the highest affordance, with the paper's bonus or without."""
@@ -195,14 +208,6 @@ def _chosen(found: Candidates, index: int, why: str) -> ActionChoice:
 
 def _any(found: Candidates, index: int) -> ActionChoice:
     return _chosen(found, index, "known" if found.regions[index] > 0 else "new")
-
-
-def _worthiest(found: Candidates, worth: Worth, rng: np.random.Generator) -> ActionChoice:
-    """What is worth most; chance decides among equals."""
-    ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
-    values = worth(found, ways)
-    index, way = rng.permutation(np.argwhere(values >= values.max()))[0].tolist()
-    return replace(_any(found, index), direction=int(ways[index, way]))
 
 
 def _guess(height: np.ndarray, rng: np.random.Generator) -> ActionChoice:

@@ -22,7 +22,7 @@ import torch
 
 from benchmarks.runner import chosen, finish, one_of, parser, told_rows
 from benchmarks.studies.bounds import CLAIMED
-from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards
+from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards, weights_hash
 from benchmarks.tables.world_rows import ENCODER
 from benchmarks.tables.worlds import SCRIPTED, Recorded
 from busybot.boards.spec import PAPER
@@ -133,10 +133,10 @@ def _flipping(seen: Perceived, board: LabelledTrace) -> LabelledTrace:
 Boards = list[tuple[Perceived, LabelledTrace]]
 
 
-def seen_boards(folder: Path, assets: str, most: int | None) -> Boards:
+def seen_boards(recorded: Recorded, most: int | None) -> Boards:
     """The recorded boards of a dataset as pictures show them, with their true parents."""
     found = []
-    for seen in Recorded.at(folder, assets).boards(most):
+    for seen in recorded.boards(most):
         perceived = perceive(seen.sequence, ENCODER)
         found.append((perceived, labelled(seen.episode, perceived)))
     return found
@@ -200,11 +200,14 @@ def measure(arguments: argparse.Namespace) -> None:
     worlds = chosen(arguments.worlds, JUDGED) if arguments.worlds else JUDGED
     of_world: dict[str, Boards] = {world: [] for world in worlds}
     held: dict[str, Boards] = {}
+    data: dict[str, str] = {}
     for world in worlds:
         there = (arguments.data / world / name for name in sorted(SCRIPTED))
         folders = [path for path in there if (path / INFO_FILE).exists()]
         for folder in folders:
-            read = seen_boards(folder, arguments.assets, arguments.most)
+            recorded = Recorded.at(folder, arguments.assets)
+            data[f"{world}/{folder.name}"] = recorded.dataset.hashes().content
+            read = seen_boards(recorded, arguments.most)
             if folder.name == "validation":
                 held[world] = read
             else:
@@ -219,9 +222,10 @@ def measure(arguments: argparse.Namespace) -> None:
         counts["all"] = np.concatenate(list(counts.values()))
         whole = whole or counts
         row = {world: compared(own, whole[world], arguments.seed) for world, own in counts.items()}
-        rows[name] = {"boards": len(learner.boards), "worlds": row}
+        rows[name] = {"boards": len(learner.boards), "model": weights_hash(learner.network), "worlds": row}
         print(name, {world: [round(100 * one["share"], 1) for one in told.values()] for world, told in row.items()})
-        finish(KIND, arguments, {"rows": rows, "judged": {world: len(own) for world, own in held.items()}})
+        figures = {"rows": rows, "judged": {world: len(own) for world, own in held.items()}}
+        finish(KIND, arguments, figures, hashes={"data": data})
 
 
 def main(words: Sequence[str] | None = None) -> None:

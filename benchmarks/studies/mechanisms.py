@@ -10,12 +10,14 @@ A training that was stopped goes on.
 """
 
 import argparse
+import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from safetensors.torch import save
 
 from benchmarks.runner import chosen, finish, one_of, parser
 from benchmarks.studies.bounds import CLAIMED, DRAWS, Drawn
@@ -99,6 +101,11 @@ def f1_of(counts: np.ndarray, picked: np.ndarray) -> dict[str, Any]:
     return {"share": float(part.sum() / max(whole.sum(), 1)), "interval": interval}
 
 
+def weights_hash(net: MechanismNet) -> str:
+    """sha256 of the network's weights, as a file of them would have it."""
+    return hashlib.sha256(save(net.state_dict())).hexdigest()
+
+
 def parent_counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
     """(K, 3): rightly claimed, claimed and true, of bool (K, I, R)."""
     return np.stack([each.sum((1, 2)) for each in (claimed & true, claimed, true)], axis=1)
@@ -122,7 +129,14 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         judged = list(draw(world, arguments.judged, JUDGED_SEED + arguments.seed, library))
         rows[world] = compare(learner.network, judged, arguments.seed)
         print(world, {k: [round(100 * v[who]["share"], 1) for who in v] for k, v in rows[world].items()}, flush=True)
-    return {"boards": len(trained), "judged": arguments.judged, "training": figures, "rows": rows}
+    return {
+        "boards": len(trained),
+        "judged": arguments.judged,
+        "objects": library.sha256,
+        "model": weights_hash(learner.network),
+        "training": figures,
+        "rows": rows,
+    }
 
 
 def main(words: list[str] | None = None) -> None:
@@ -134,7 +148,9 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
     options.add_argument("--seed", type=int, default=0)
     arguments = options.parse_args(words)
-    finish(KIND, arguments, measure(arguments))
+    told = measure(arguments)
+    hashes = {"models": {KIND: told.pop("model")}, "data": {"objects": told.pop("objects")}}
+    finish(KIND, arguments, told, hashes=hashes)
 
 
 if __name__ == "__main__":

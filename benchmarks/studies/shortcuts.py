@@ -232,10 +232,9 @@ def _ratio(counted: Sequence[float] | np.ndarray) -> float:
     return float(counted[0] / counted[1])
 
 
-def recorded_boards(folder: Path, assets: str) -> Iterator[tuple[BoardSpec, dict[str, np.ndarray]]]:
+def recorded_boards(recordings: Iterable[Recorded]) -> Iterator[tuple[BoardSpec, dict[str, np.ndarray]]]:
     """Boards of all recordings of a world, with what only recordings tell."""
-    for name in SCRIPTED:
-        data = Recorded.at(folder / name, assets)
+    for data in recordings:
         for seen in data.boards():
             board = seen.episode.board
             yield board, {"actions": actions(seen.sequence), "picture": picture(seen.sequence.features)}
@@ -248,8 +247,9 @@ def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
         config = BoardConfig(world=world, boards=arguments.boards, seed=SEED, group_size=1)
         none: dict[str, np.ndarray] = {}
         drawn = pairs_of(((board, none) for board in generate_boards(config, library)), library)
-        recorded = pairs_of(recorded_boards(arguments.data / world, arguments.assets), library)
-        rows[world] = {}
+        recordings = {name: Recorded.at(arguments.data / world / name, arguments.assets) for name in SCRIPTED}
+        recorded = pairs_of(recorded_boards(recordings.values()), library)
+        rows[world] = {"data": {name: one.dataset.hashes().content for name, one in recordings.items()}}
         for views, pairs in ((DRAWN, drawn), (RECORDED, recorded)):
             for view in views:
                 told = judged(said(pairs.told[view], pairs, SEED), pairs, SEED)

@@ -127,6 +127,9 @@ def test_a_small_table(tmp_path: Path) -> None:
     made = read_result(out, "mechanism-ablations")
     assert made["judged"] == {"gates": 2} and {row["boards"] for row in made["rows"].values()} == {4}
     assert list(made["rows"]) == rows, "that which they are compared with is among them"
+    assert made["hashes"]["data"]["gates/validation"] == recorded.dataset.hashes().content
+    models = [row["model"] for row in made["rows"].values()]
+    assert len(models[0]) == 64 and models[0] not in models[2:], "what is trained on other things has other weights"
     told = [row["worlds"]["all"]["30"] for row in made["rows"].values()]
     assert told[0]["ahead"] == 0 and all(0 <= one["share"] <= 1 for one in told)
     assert all(one["ahead"] == pytest.approx(one["share"] - told[0]["share"]) for one in told)

@@ -119,8 +119,7 @@ class CuriousPolicy:
         self._seen, self._sequence = observation, None
         self._reconsider(self._watched)
         action = self._inner.select_action(observation, rng)
-        known = self._until_known and not self._untried and self._sequence is not None
-        return None if known and self._reasoner.certainty(self._sequence) >= CERTAIN else action
+        return None if self._knows(self._watched) and not self._untried else action
 
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
         watched, seen = self._watched, self._seen
@@ -136,6 +135,13 @@ class CuriousPolicy:
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
+
+    def _knows(self, watched: Watched) -> bool:
+        """Whether somebody who ends when all is known is sure of all parents; known links have nothing to tell then."""
+        if not self._until_known:
+            return False
+        self._sequence = self._sequence or watched.sequence()
+        return bool(self._reasoner.certainty(self._sequence) >= CERTAIN)
 
     def _reconsider(self, watched: Watched) -> None:
         """What could not be moved may move now that something else looks otherwise."""
@@ -158,7 +164,10 @@ class CuriousPolicy:
         told = np.full(directions.shape, -1.0)
         told[new] = NEW * on_triggers(found.scores, triggers, known)[new, None]
         moving = known & (triggers >= 0)
-        told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
+        if self._knows(self._watched):
+            told[moving] = 0
+        else:
+            told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
         return told
 
     def _of_moving(self, links: Candidates, directions: np.ndarray, triggers: np.ndarray) -> np.ndarray:

@@ -79,12 +79,12 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
 
     class Fond:
-        """Of the rightmost place, until it is sure."""
+        """Of the rightmost place."""
 
         encoder, sure = "embedded", 0.0
 
         def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-            return (1 - self.sure) * 0.1 * np.exp(5 * actions[:, 0].astype(float))
+            return 0.1 * np.exp(5 * actions[:, 0].astype(float))
 
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.zeros(len(tries))

@@ -13,8 +13,8 @@ from other seeds (`--seeds`) judge, and choose where they are curious, by themse
 - `greedy`: the same, chosen by the exact observer's information; slow, so on the first boards alone, with the others
   beside it on just these. *Regret* is how far F1 is behind that of greedy choice, mean over the first 30 actions.
 - `recorded`: simulated boards, pictures, and the learned policy's contacts: `collect --policy learned` draws among
-  known links, `--policy curious` asks the model. Both look for links first. The processor time of an action is told,
-  with everything that recording it takes.
+  known links, `--policy curious` asks the model, and is told which objects are triggers. The processor time of an
+  action is told, with everything that recording it takes.
 
 - `stopping`: what is curious alone, on other drawn boards, of which there can be many more.
 

@@ -30,8 +30,8 @@ def collect(
     policy: Annotated[
         Literal["random", "learned", "curious", "scripted"] | None,
         typer.Option(
-            help="random (the default; learned with tasks), learned, curious (learned, and does what tells most about "
-            "causes), or scripted (an oracle that knows the joints)."
+            help="random (the default; learned with tasks), learned, curious (does what tells most about causes), or "
+            "scripted (an oracle that knows the joints)."
         ),
     ] = None,
     model: Annotated[

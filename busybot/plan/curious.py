@@ -13,6 +13,7 @@ when responders look as they never did when it was tried, the less so the more o
 go by are the pictures so far, with the objects' boxes and roles in the first of them, as in a recording.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -24,7 +25,13 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
 from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.learned import LearnedPolicy
-from busybot.interact.policy.policy_factory import LearnedPolicyFactory, candidates_config, card_of, load_once
+from busybot.interact.policy.policy_factory import (
+    LearnedPolicyFactory,
+    candidates_config,
+    card_of,
+    fingerprint,
+    load_once,
+)
 from busybot.plan.agent_policy import OnlineFeatures
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
@@ -109,14 +116,15 @@ class CuriousPolicy:
         self._watched: Watched | None = None
         self._seen: Observation | None = None
         self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
-        self._untried = True  # whether something new promised much, at the last decision
+        self._untried = False  # whether something new that was not tried promises anything, at the last decision
+        self._moving: set[int] = set()  # triggers of which a link was seen moving
         self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
         self._tried_again = [0.0, 0.0]  # how much that once failed, and is no known link, moved later, and did not
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
             self._watched = Watched(observation, self._detections, self._extractor)
-        self._seen, self._sequence = observation, None
+        self._seen, self._sequence, self._untried = observation, None, False
         self._reconsider(self._watched)
         action = self._inner.select_action(observation, rng)
         return None if self._knows(self._watched) and not self._untried else action
@@ -126,7 +134,9 @@ class CuriousPolicy:
         assert watched is not None and seen is not None
         memory = self._inner.memory
         assert memory is not None
-        moved = bool(reward) or (watched.changed(after) and memory.moved_at(action.pixel, seen, after))
+        moved = self._moved(action.pixel, seen, after, bool(reward))
+        if moved:
+            self._moving.add(trigger_at(watched.observed, action.pixel))
         if not memory.links[action.pixel[1], action.pixel[0]]:
             here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
             self._tried_again[0 if moved else 1] += here.max(initial=0.0)
@@ -135,6 +145,15 @@ class CuriousPolicy:
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
+
+    def _moved(self, pixel: tuple[int, int], seen: Observation, after: Observation, rewarded: bool) -> bool:
+        """Whether a link moved where an action took hold: a reward alone may be for something that changed late, or by
+        chance."""
+        assert self._watched is not None and self._inner.memory is not None
+        if not self._watched.changed(after):
+            return False
+        told = self._inner.memory.moved_at(pixel, seen, after)
+        return rewarded if told is None else told
 
     def _knows(self, watched: Watched) -> bool:
         """Whether somebody who ends when all is known is sure of all parents; known links have nothing to tell then."""
@@ -156,18 +175,17 @@ class CuriousPolicy:
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`; less than none where there is no trigger."""
         assert self._watched is not None and self._inner.memory is not None
-        observed, known = self._watched.observed, found.regions > 0
-        triggers = np.array([trigger_at(observed, (int(u), int(v))) for u, v in found.pixels], int)
-        new = ~known & (triggers >= 0)
-        untried = new & ~self._inner.memory.tried_here(found.pixels)
-        self._untried = bool((found.scores[untried] >= PROMISING).any())
+        triggers = np.array([trigger_at(self._watched.observed, (int(u), int(v))) for u, v in found.pixels], int)
+        there = np.flatnonzero(triggers >= 0)
+        best = there[found.take(there).best_in_regions()]
+        new, moving = best[found.regions[best] < 0], best[found.regions[best] > 0]
         told = np.full(directions.shape, -1.0)
-        told[new] = NEW * on_triggers(found.scores, triggers, known)[new, None]
-        moving = known & (triggers >= 0)
-        if self._knows(self._watched):
-            told[moving] = 0
-        else:
+        told[new] = NEW * on_triggers(found.scores[new], triggers[new], self._moving)[:, None]
+        told[moving] = 0
+        if len(moving) and not self._knows(self._watched):
             told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
+        promising = found.take((triggers >= 0) & (found.regions < 0) & (found.scores >= PROMISING))
+        self._untried = not self._inner.memory.tried_here(promising.pixels).all()
         return told
 
     def _of_moving(self, links: Candidates, directions: np.ndarray, triggers: np.ndarray) -> np.ndarray:
@@ -179,8 +197,7 @@ class CuriousPolicy:
         places, ways = np.nonzero(asked)
         actions = np.concatenate([links.positions[places], DIRECTIONS[directions[places, ways]]], axis=1)
         told, actions = np.zeros(directions.shape), actions.astype(np.float32)
-        if len(places):
-            told[asked] = self._reasoner.expected_information(self._sequence, actions, triggers[places])
+        told[asked] = self._reasoner.expected_information(self._sequence, actions, triggers[places])
         told = works * told + (1 - works) * (works * told)[:, ::-1]
         return told * self._patience(links.pixels)[:, None]
 
@@ -193,20 +210,20 @@ class CuriousPolicy:
         return np.asarray(now + (1 - now) * 0.5 ** there.sum(axis=0))
 
 
-def on_triggers(scores: np.ndarray, triggers: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Expected success of candidates, where every trigger has a link: while none is known, one of the candidates on it
-    works, or none does for another reason.
+def on_triggers(scores: np.ndarray, triggers: np.ndarray, moving: Collection[int]) -> np.ndarray:
+    """Expected success of candidates for new links, where every trigger has a link: before one was seen moving, one of
+    the candidates on it works, or none does for another reason.
 
     Args:
         scores: float (K,), expected success of each by itself.
-        triggers: int (K,), where each is, -1 for nowhere.
-        known: bool (K,), on links that were seen moving.
+        triggers: int (K,), where each is.
+        moving: triggers of which a link was seen moving.
 
     Returns:
         float (K,).
     """
     told = scores.copy()
-    for trigger in set(triggers[~known].tolist()) - set(triggers[known].tolist()) - {-1}:
+    for trigger in set(triggers.tolist()) - set(moving):
         here = triggers == trigger
         told[here] /= 1 - (1 - ELSEWHERE) * np.prod(1 - scores[here])
     return told
@@ -253,10 +270,15 @@ class CuriousFactory:
         Raises:
             BusybotError: there is no such model; or an override is of what only another policy's choice reads.
         """
-        candidates_config(card_of(self.learned.model), self.learned.overrides)
+        policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
         constants = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
         constants |= {"held": HELD, "certain": CERTAIN}
         return {
-            **self.learned.provenance(), "reasoner": reasoner, "until_known": self.until_known, "constants": constants
-        }  # fmt: skip
+            "mode": self.learned.mode,
+            "policy": policy,
+            "model": fingerprint(self.learned.model),
+            "reasoner": reasoner,
+            "until_known": self.until_known,
+            "constants": constants,
+        }

@@ -1,6 +1,7 @@
 """The curious policy: what it sees while it acts is what is recorded, and it does what tells most."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from busybot.boards.generate import generate_boards
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import ENDED
-from busybot.interact.policy.board_memory import Failure
+from busybot.interact.policy.board_memory import BoardMemory, Failure
 from busybot.interact.policy.candidates import Candidates
+from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
 from busybot.plan.curious import ELSEWHERE, HELD, NEW, CuriousFactory, CuriousPolicy, curious_reasoner, on_triggers
@@ -47,7 +49,7 @@ def simulator() -> Simulator:
 
 @pytest.mark.long
 @pytest.mark.parametrize("camera", [CameraConfig(), CameraConfig.model_validate(REAL)], ids=["clean", "real"])
-def test_it_sees_while_it_acts_what_is_recorded_and_asks_when_nothing_is_new(camera: CameraConfig) -> None:
+def test_it_sees_while_it_acts_what_is_recorded_and_asks_what_tells_most(camera: CameraConfig) -> None:
     simulator = Simulator(find("procedural"), RenderConfig(width=320, height=240, camera=camera))
     [board] = generate_boards(BoardConfig(world="gates", boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
@@ -129,6 +131,7 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
     policy._reasoner, policy._inner.memory.failures = Asked(), []
     assert policy._watched is not None
     boxes = policy._watched.observed.boxes[policy._watched.observed.triggers]
+    policy._moving = set(policy._watched.observed.triggers.tolist())
     (u0, v0, u1, v1), off = boxes[0].tolist(), [0, 0]
     up, down = (int(np.flatnonzero(DIRECTIONS[:, 2] * sign > 0.9)[0]) for sign in (1, -1))
     works = np.zeros((5, 18))
@@ -170,7 +173,9 @@ def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) 
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(simulator: Simulator, held: bool) -> None:
+def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(
+    simulator: Simulator, held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A stand-in says that what was in the way of a failure is gone, or that it is not; what comes of it is counted."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
@@ -183,6 +188,7 @@ def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(sim
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.full(len(tries), float(not held))
 
+    monkeypatch.setattr(policy, "_moved", lambda pixel, seen, after, rewarded: rewarded)
     policy._reasoner, policy._tried_again, memory.failures = Told(), [0.0, 0.0], []
     policy._reconsider(watched)
     assert not len(policy._released)
@@ -223,14 +229,13 @@ def test_it_is_collected_continued_and_told_by_what_it_chose(tmp_path: Path) -> 
 
 
 def test_every_trigger_has_a_link_so_that_its_candidates_promise_more_while_none_is_known() -> None:
-    """Trigger 4 has a known link, 5 two candidates that promise little, 6 a nearly sure one; the last is on none."""
-    scores, triggers = np.array([0.9, 0.01, 0.002, 0.004, 0.95, 0.3]), np.array([4, 4, 5, 5, 6, -1])
-    told = on_triggers(scores, triggers, np.array([True, False, False, False, False, False]))
+    """Trigger 4 has a known link, 5 two candidates that promise little, 6 a nearly sure one."""
+    scores, triggers = np.array([0.01, 0.002, 0.004, 0.95]), np.array([4, 5, 5, 6])
+    told = on_triggers(scores, triggers, {4, 9})
     one = 1 - (1 - ELSEWHERE) * 0.998 * 0.996
-    assert told[:2].tolist() == [0.9, 0.01] and told[-1] == 0.3
-    assert told[2:4] == pytest.approx([0.002 / one, 0.004 / one]) and 0.95 < told[4] < 1
-    assert told[2:4].sum() < 1
-    assert on_triggers(np.zeros(2), np.array([1, 1]), np.zeros(2, bool)).tolist() == [0, 0]
+    assert told[0] == 0.01 and 0.95 < told[3] < 1 and told[1:3].sum() < 1
+    assert told[1:3] == pytest.approx([0.002 / one, 0.004 / one])
+    assert on_triggers(np.zeros(2), np.array([1, 1]), ()).tolist() == [0, 0]
 
 
 def test_it_acts_on_triggers_alone_and_sooner_or_later_on_each() -> None:
@@ -247,3 +252,31 @@ def test_what_only_chance_would_read_is_refused() -> None:
     factory = CuriousFactory(LearnedPolicyFactory("procedural", "collect", {"persist": 0.5}))
     with pytest.raises(BusybotError, match="learned.persist changes nothing"):
         factory.provenance()
+
+
+def test_what_changes_late_is_no_link_that_moved(simulator: Simulator) -> None:
+    """A rewarded action that held nothing: something else had changed meanwhile."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    assert policy._watched is not None and policy._seen is not None
+    before = policy._watched._latest
+    u0, v0, u1, v1 = policy._watched.observed.boxes[policy._watched.observed.triggers][0].tolist()
+    here = (u0 + u1) // 2, (v0 + v1) // 2
+    lit, moved = before.rgb.copy(), before.depth.copy()
+    lit[:20] = 255
+    moved[v0:v1, u0:u1] -= 0.05
+    assert not policy._moved(here, before, replace(before, rgb=lit), True), "only a lamp shines"
+    assert policy._moved(here, before, replace(before, depth=moved), False), "it moved, and nothing responded"
+    assert not policy._moved(here, before, before, True)
+
+
+def test_a_failure_that_was_expected_tells_little_of_other_places() -> None:
+    memory = BoardMemory(np.full((60, 60), 0.5, np.float32), PolicyConfig())
+    far, logits, pairs = np.array([(50, 50)]), np.zeros(1), np.full((1, 9), 0.5)
+    beliefs = []
+    for weight in (0.0, 0.1, 1.0):
+        memory.failures = [Failure((5, 5), {0: 0.5}, weight=weight)]
+        beliefs.append(float(memory.doubted(far, logits, pairs)[0][0]))
+    assert beliefs[0] == 0.5 > beliefs[1] > beliefs[2] and 0.5 - beliefs[1] < 0.2 * (0.5 - beliefs[2])

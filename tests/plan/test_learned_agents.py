@@ -220,7 +220,7 @@ def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_p
         assert not out.exists()
 
     refused("time", "of the world 'time', which cannot be explored")
-    refused("paper", "learned.explore changes nothing where agents choose", {"learned": {"explore": 0.3}})
+    refused("paper", "learned.explore changes nothing where somebody else chooses", {"learned": {"explore": 0.3}})
     refused("paper", "parameter explor of the learned policy", {"learned": {"explor": 0.3}})
     for render, problem in (({"width": 320}, "render.width 320, not 640"), ({"camera": {"blur": 0.8}}, "real camera")):
         data["paper"].begin_collecting(CollectInfo(policy="random", steps=1, settings={"render": render}))

@@ -95,12 +95,12 @@ class BoardMemory:
         self.responders -= self._moved
         return link
 
-    def moved_at(self, pixel: tuple[int, int], before: Observation, after: Observation) -> bool:
+    def moved_at(self, pixel: tuple[int, int], before: Observation, after: Observation) -> bool | None:
         """Whether something moved where an action took hold, however few pixels changed. Before a noisy camera, whose
-        depth frays at edges, nobody can tell."""
+        depth frays at edges, nobody can tell: None."""
         self._noisy = self._noisy or is_noisy(before.rgb, after.rgb)
         if self._noisy:
-            return False
+            return None
         around, region = self._beneath(pixel, before.depth, after.depth)
         differs = np.abs(before.depth[around] - after.depth[around]) > self._config.change
         return int(np.count_nonzero(differs & region)) >= MOVED

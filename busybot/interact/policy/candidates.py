@@ -95,9 +95,13 @@ class Candidates:
 
     def best_of_regions(self) -> "Candidates":
         """One candidate per region, the one with the highest score."""
+        return self.take(self.best_in_regions())
+
+    def best_in_regions(self) -> np.ndarray:
+        """Their indices, the highest score first, int (regions,)."""
         order = np.argsort(-self.scores, kind="stable")
         _, first = np.unique(self.regions[order], return_index=True)
-        return self.take(order[np.sort(first)])
+        return order[np.sort(first)]
 
 
 def find_candidates(

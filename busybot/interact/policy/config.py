@@ -72,7 +72,8 @@ class PolicyConfig(FrozenModel):
         disc: so far around the action the link is taken as moved whatever the depth says, pixels.
         component_penalty: logits that every failure takes from untouched candidates farther away on the same elevated
             component.
-        failure_penalty: logits that every failure on the board takes from all untouched candidates farther away.
+        failure_penalty: logits that every failure on the board takes from all untouched candidates farther away; where
+            a reasoner chooses, this and the penalty above as far as success was expected.
         responder_penalty: logits taken from candidates on an object that responded and of which nothing has moved.
         trigger_bonus: logits given to new candidates on an elevated component of which a link has moved, until an
             action fails there: it is a trigger, and many have further links.
@@ -80,15 +81,16 @@ class PolicyConfig(FrozenModel):
         explore: new links are tried while the best one's expected success exceeds this; then known ones are repeated.
         insist: where a pair has failed already, others are tried while their expected success exceeds this. Physics
             alone lets most pairs work, so that a failure says that the place is wrong.
-        collect: least expected success of a new candidate when data for reasoning are collected. Low, because a link
-            that is never touched has no relations that could be found; what fails soon promises less
+        collect: least expected success of a new candidate when data for reasoning are collected by chance. Low, because
+            a link that is never touched has no relations that could be found; what fails soon promises less
             (`benchmarks/studies/policy_constants.py coverage`: so many places elsewhere promise as much).
-        untried_first: when data for reasoning are collected, candidates that were neither moved nor tried come before
-            the others. Without it the draw is among all candidates, as in the paper: of six links, one in 55 is not
-            among 22 draws.
-        persist: when data for reasoning are collected, share of the actions that go to what has not moved yet, however
-            little it promises: to what promises most for the actions that its object had. Where there is much to try,
-            failures would else take the belief in what was hardly tried, and links that give be moved all the time.
+        untried_first: when data for reasoning are collected by chance, candidates that were neither moved nor tried
+            come before the others. Without it the draw is among all candidates, as in the paper: of six links, one in
+            55 is not among 22 draws.
+        persist: when data for reasoning are collected by chance, share of the actions that go to what has not moved
+            yet, however little it promises: to what promises most for the actions that its object had. Where there is
+            much to try, failures would else take the belief in what was hardly tried, and links that give be moved all
+            the time.
         ucb_c, ucb_window: the paper's bonus and the side of its window, pixels, even.
         clusters: k of the K-means candidates: no board has more movable links.
         cluster_belief: least affordance of a pixel that takes part in the clusters; `middle` for what lies between the

@@ -40,7 +40,8 @@ from busybot.sim.policy import Action
 Mode = Literal["evaluate", "greedy", "ucb", "collect"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 Worth = Callable[[Candidates, np.ndarray], np.ndarray]
-"""What trying K candidates in the two directions of their best pairs, int (K, 2), is worth: float (K, 2)."""
+"""What trying K candidates in the two directions of their best pairs, int (K, 2), is worth: float (K, 2), below 0 if
+that is not wanted at all."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +66,10 @@ class LearnedPolicy(Generic[V]):
 
     It reads depth (and RGB, if the model sees colours), its own actions, their reward and which pixels they changed.
 
-    Args:
-        worth: in mode `collect`, decides instead of chance.
-
     Attributes:
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
         memory: what was learnt about the board.
-        worth: as given.
+        worth: if somebody sets it, it decides in mode `collect` instead of chance.
     """
 
     def __init__(
@@ -80,9 +78,9 @@ class LearnedPolicy(Generic[V]):
         rays: Rays,
         config: PolicyConfig | None = None,
         mode: Mode = "evaluate",
-        worth: Worth | None = None,
     ) -> None:
-        self.name, self.worth = policy_name(mode), worth
+        self.name = policy_name(mode)
+        self.worth: Worth | None = None
         self._model, self._rays, self._mode = model, rays, mode
         self._config = config or PolicyConfig()
         self._seen: Observation | None = None
@@ -112,7 +110,9 @@ class LearnedPolicy(Generic[V]):
             memory.succeeded(action.pixel, executed[-1], before, after)
         else:
             pairs = {int(PAIR_OF[choice.direction]): choice.pair_belief}
-            weight = 1.0 if self.worth is None else choice.belief * choice.pair_belief  # what was expected tells little
+            weight = (
+                1.0 if self.worth is None else choice.belief * choice.pair_belief
+            )  # a failure that was expected tells little
             memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1, weight=weight))
 
     def _look(self, observation: Observation) -> tuple[V, BoardMemory]:
@@ -149,7 +149,9 @@ class LearnedPolicy(Generic[V]):
             good = untried
         if not good.any():
             good = found.scores >= found.scores.max()
-        found = self._of_regions(found.take(good))
+        found = found.take(good)
+        if config.candidates == "peaks":  # of the paper's clusters each has one
+            found = found.best_of_regions()
         index = int(rng.integers(len(found)))
         choice = _any(found, index)
         two = [choice.direction, int(OPPOSITE[choice.direction])]
@@ -159,18 +161,13 @@ class LearnedPolicy(Generic[V]):
 
     def _worthiest(self, found: Candidates, rng: np.random.Generator) -> ActionChoice | None:
         """What is worth most; chance decides among equals."""
-        if not len(found):
-            return None
         assert self.worth is not None
-        found = self._of_regions(found)
         ways = np.stack([found.best_directions, np.asarray(OPPOSITE)[found.best_directions]], axis=1)
         values = self.worth(found, ways)
+        if values.max(initial=-1) < 0:
+            return None
         index, way = rng.permutation(np.argwhere(values >= values.max()))[0].tolist()
         return replace(_any(found, index), direction=int(ways[index, way]))
-
-    def _of_regions(self, found: Candidates) -> Candidates:
-        """One of each region; of the paper's clusters each has one."""
-        return found.best_of_regions() if self._config.candidates == "peaks" else found
 
     def _highest(self, view: V, with_bonus: bool) -> ActionChoice | None:
         """The pixel with the highest affordance, with the paper's bonus or without."""

@@ -159,7 +159,7 @@ def candidates_config(info: AffordanceInfo, overrides: dict[str, Any]) -> Policy
         BusybotError: as there; or an override is of what only the policy's own choice reads.
     """
     config = policy_config(info, overrides)
-    _refuse_unread(overrides, _OF_CHOOSING, "where agents choose among the candidates")
+    _refuse_unread(overrides, _OF_CHOOSING, "where somebody else chooses among the candidates")
     return config
 
 

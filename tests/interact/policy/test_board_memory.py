@@ -67,7 +67,7 @@ def test_what_moves_where_an_action_took_hold_is_told_from_what_moves_elsewhere(
     assert not fresh().moved_at(
         (60, 50), BOTH_UP, picture(SWITCH, (LEFT, BUTTON), (RIGHT, BUTTON), ((100, 100, 110, 110), 0.1))
     )
-    assert not fresh().moved_at((50, 50), BOTH_UP, BOTH_UP)
+    assert fresh().moved_at((50, 50), BOTH_UP, BOTH_UP) is False
     slightly = picture(SWITCH, (LEFT, BUTTON), (RIGHT, BUTTON), ((49, 49, 51, 51), PRESSED))
     assert not fresh().moved_at((50, 50), BOTH_UP, slightly), "four pixels"
 
@@ -76,7 +76,7 @@ def test_nobody_tells_moves_from_fraying_edges_before_a_noisy_camera() -> None:
     noisy = [replace(one, rgb=one.rgb.copy()) for one in (BOTH_UP, LEFT_DOWN)]
     for seed, one in enumerate(noisy):
         one.rgb[:] = np.clip(one.rgb + np.random.default_rng(seed).normal(0, 12, one.rgb.shape), 0, 255)
-    assert is_noisy(noisy[0].rgb, noisy[1].rgb) and not fresh().moved_at((50, 50), *noisy)
+    assert is_noisy(noisy[0].rgb, noisy[1].rgb) and fresh().moved_at((50, 50), *noisy) is None
 
 
 def test_neighbouring_buttons_are_two_links() -> None:

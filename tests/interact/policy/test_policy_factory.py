@@ -70,7 +70,7 @@ def test_of_candidates_nobody_changes_how_the_policy_would_choose() -> None:
     info = AffordanceInfo(thresholds={"explore": 0.6})  # what a card says of it is left alone
     assert candidates_config(info, {"caution": 0.5, "most": 7}) == policy_config(info, {"caution": 0.5, "most": 7})
     for name in ("explore", "insist", "collect", "persist", "untried_first", "ucb_c"):
-        with pytest.raises(BusybotError, match=f"learned.{name} changes nothing where agents choose"):
+        with pytest.raises(BusybotError, match=f"learned.{name} changes nothing where somebody else chooses"):
             candidates_config(info, {name: 1})
 
 

@@ -110,9 +110,8 @@ class LearnedPolicy(Generic[V]):
             memory.succeeded(action.pixel, executed[-1], before, after)
         else:
             pairs = {int(PAIR_OF[choice.direction]): choice.pair_belief}
-            weight = (
-                1.0 if self.worth is None else choice.belief * choice.pair_belief
-            )  # a failure that was expected tells little
+            # a failure that was expected tells little of other places
+            weight = 1.0 if self.worth is None else choice.belief * choice.pair_belief
             memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1, weight=weight))
 
     def _look(self, observation: Observation) -> tuple[V, BoardMemory]:

@@ -111,8 +111,8 @@ def parent_counts(claimed: np.ndarray, true: np.ndarray) -> np.ndarray:
     return np.stack([each.sum((1, 2)) for each in (claimed & true, claimed, true)], axis=1)
 
 
-def measure(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The whole result; the training goes on where it was stopped."""
+def measure(arguments: argparse.Namespace) -> None:
+    """Write the whole result; the training goes on where it was stopped."""
     worlds = chosen(arguments.worlds, WORLDS) if arguments.worlds else tuple(WORLDS)
     library, net = find("procedural"), MechanismNetConfig(worlds=worlds)
     config = MechanismConfig(iterations=arguments.iterations, net=net)
@@ -129,14 +129,9 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
         judged = list(draw(world, arguments.judged, JUDGED_SEED + arguments.seed, library))
         rows[world] = compare(learner.network, judged, arguments.seed)
         print(world, {k: [round(100 * v[who]["share"], 1) for who in v] for k, v in rows[world].items()}, flush=True)
-    return {
-        "boards": len(trained),
-        "judged": arguments.judged,
-        "objects": library.sha256,
-        "model": weights_hash(learner.network),
-        "training": figures,
-        "rows": rows,
-    }
+    hashes = {"models": {KIND: weights_hash(learner.network)}, "data": {"objects": library.sha256}}
+    told = {"boards": len(trained), "judged": arguments.judged, "training": figures, "rows": rows}
+    finish(KIND, arguments, told, hashes=hashes)
 
 
 def main(words: list[str] | None = None) -> None:
@@ -147,10 +142,7 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--iterations", type=int, default=3000)
     options.add_argument("--worlds", help="names of worlds, separated by commas; all by default")
     options.add_argument("--seed", type=int, default=0)
-    arguments = options.parse_args(words)
-    told = measure(arguments)
-    hashes = {"models": {KIND: told.pop("model")}, "data": {"objects": told.pop("objects")}}
-    finish(KIND, arguments, told, hashes=hashes)
+    measure(options.parse_args(words))
 
 
 if __name__ == "__main__":

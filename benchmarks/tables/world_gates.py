@@ -13,8 +13,7 @@ The policy is a training's folder. The shipped one, which acts without `--policy
 misses many links of real ones: what it records tells less. Recordings of each policy, and before each camera, have a
 folder of their own. Of as many policies as models each acts for the model in its place, so that a row has a seed of all
 that is learned. With `--curious` the model that ships chooses among the candidates on triggers, as `collect --policy
-curious` does. Without questions "what if" nothing is told of mechanisms, and judging takes a third of
-the time.
+curious` does. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
 
 Every command resumes, so this one does; what a model was judged on already is not judged again.
 """

@@ -5,25 +5,28 @@ way or that, the reasoner tells what would be learned about all responders, as f
 that the link goes there; it may go on to where nobody has seen it. A link that nobody has seen is worth as much as the
 first few actions on a known one, as far as the model believes that there is one, and every trigger has one: while none
 of a trigger's links is known, what its candidates promise is counted among each other. So links are found first, and
-places of little promise are tried when known links tell little more.
+places of little promise are tried when known links tell little more: on a trigger every peak is a candidate, however
+little the model sees there, and so is what is beside an action that failed.
 
 What moves where it is taken hold of is a link, though so few pixels change, because nothing responds, that there is no
 reward; a noisy camera does not tell that. What did not move may be held by how a responder is, and is believed in again
-when responders look as they never did when it was tried, the less so the more often that was in vain. What there is to
-go by are the pictures so far, with the objects' boxes and roles in the first of them, as in a recording.
+when responders look as they never did when it was tried, the less so the more often that was in vain; of a link that
+moved at times and at times did not, the reasoner tells whether it would now. What there is to go by are the pictures so
+far, with the objects' boxes and roles in the first of them, as in a recording.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import cv2
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
-from busybot.interact.policy.candidates import Candidates
+from busybot.interact.policy.candidates import ASIDE, Candidates
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import (
     LearnedPolicyFactory,
@@ -48,7 +51,10 @@ REASONER = "mechanism"
 NEW = 3.0
 """A link that nobody has seen moving would tell so much, nats: what the first few actions on a known one do."""
 ELSEWHERE = 0.02
-"""A trigger's links are so probably none of its candidates, or held, before any was tried."""
+"""A trigger's links are so probably none of its candidates, or held, before any was tried: this share of what these
+promised together, for what a model promises on objects unlike those that it learned from is too little for all."""
+LEAST = 1e-12
+"""What is less probable is not told apart."""
 PROMISING = 0.005
 """While a new candidate promises so much, expected success, nobody knows all that there is to know."""
 NEGLIGIBLE = 0.02
@@ -117,6 +123,8 @@ class CuriousPolicy:
         self._seen: Observation | None = None
         self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
         self._untried = False  # whether something new that was not tried promises anything, at the last decision
+        self._done: list[tuple[tuple[int, int], bool]] = []  # where each action took hold, whether a link moved there
+        self._promised: dict[int, float] = {}  # that a link of a trigger moves, by its candidates' first scores
         self._moving: set[int] = set()  # triggers of which a link was seen moving
         self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
         self._tried_again = [0.0, 0.0]  # how much that once failed, and is no known link, moved later, and did not
@@ -126,6 +134,7 @@ class CuriousPolicy:
             self._watched = Watched(observation, self._detections, self._extractor)
         self._seen, self._sequence, self._untried = observation, None, False
         self._reconsider(self._watched)
+        self._inner.within = self._within(observation.depth.shape)
         action = self._inner.select_action(observation, rng)
         return None if self._knows(self._watched) and not self._untried else action
 
@@ -135,6 +144,7 @@ class CuriousPolicy:
         memory = self._inner.memory
         assert memory is not None
         moved = self._moved(action.pixel, seen, after, bool(reward))
+        self._done.append((action.pixel, moved))
         if moved:
             self._moving.add(trigger_at(watched.observed, action.pixel))
         if not memory.links[action.pixel[1], action.pixel[0]]:
@@ -172,6 +182,19 @@ class CuriousPolicy:
             moved, in_vain = self._tried_again
             memory.overcome(((HELD + moved) / (1 + moved + in_vain) * self._released).tolist())
 
+    def _within(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Where to try what the model sees little in, bool (H, W): on triggers of which no link is known, and on others
+        beside failures."""
+        assert self._watched is not None
+        still, others = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        for (u, v), moved in self._done:
+            if not moved:
+                cv2.circle(others, (u, v), 2 * ASIDE, 1, -1)
+        for trigger in self._watched.observed.triggers.tolist():
+            u0, v0, u1, v1 = np.maximum(self._watched.observed.boxes[trigger], 0).astype(int).tolist()
+            still[v0:v1, u0:u1] = 1 if trigger not in self._moving else others[v0:v1, u0:u1]
+        return still > 0
+
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`; less than none where there is no trigger."""
         assert self._watched is not None and self._inner.memory is not None
@@ -180,13 +203,19 @@ class CuriousPolicy:
         best = there[found.take(there).best_in_regions()]
         new, moving = best[found.regions[best] < 0], best[found.regions[best] > 0]
         told = np.full(directions.shape, -1.0)
-        told[new] = NEW * on_triggers(found.scores[new], triggers[new], self._moving)[:, None]
+        told[new] = NEW * self._of_new(found.scores[new], triggers[new])[:, None]
         told[moving] = 0
         if len(moving) and not self._knows(self._watched):
             told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
         promising = found.take((triggers >= 0) & (found.regions < 0) & (found.scores >= PROMISING))
         self._untried = not self._inner.memory.tried_here(promising.pixels).all()
         return told
+
+    def _of_new(self, scores: np.ndarray, triggers: np.ndarray) -> np.ndarray:
+        """How probably each is a link, see `on_triggers`."""
+        for trigger in set(triggers.tolist()) - set(self._promised):
+            self._promised[trigger] = 1 - float(np.prod(1 - scores[triggers == trigger]))
+        return on_triggers(scores, triggers, self._moving, self._promised)
 
     def _of_moving(self, links: Candidates, directions: np.ndarray, triggers: np.ndarray) -> np.ndarray:
         """The same of known links (K,); where one way does not work the other is tried."""
@@ -199,25 +228,29 @@ class CuriousPolicy:
         told, actions = np.zeros(directions.shape), actions.astype(np.float32)
         told[asked] = self._reasoner.expected_information(self._sequence, actions, triggers[places])
         told = works * told + (1 - works) * (works * told)[:, ::-1]
-        return told * self._patience(links.pixels)[:, None]
+        return told * self._yields(links.regions)[:, None]
 
-    def _patience(self, pixels: np.ndarray) -> np.ndarray:
-        """How far to believe that known links at pixels (K, 2) move: half as much with every action that failed there,
-        unless what held them then may have let go; float (K,)."""
+    def _yields(self, regions: np.ndarray) -> np.ndarray:
+        """How far to believe that known links (K,) move as things are now, by when each did and did not; float (K,)."""
         assert self._inner.memory is not None
-        there = self._inner.memory.failed_at(pixels)
-        now = (there * self._released[:, None]).max(axis=0, initial=0.0)
-        return np.asarray(now + (1 - now) * 0.5 ** there.sum(axis=0))
+        links = self._inner.memory.links
+        taken = [int(links[v, u]) for (u, v), _ in self._done]
+        tries = [[(step, self._done[step][1]) for step, at in enumerate(taken) if at == link] for link in regions]
+        return np.asarray(self._reasoner.yields(self._sequence, tries))
 
 
-def on_triggers(scores: np.ndarray, triggers: np.ndarray, moving: Collection[int]) -> np.ndarray:
+def on_triggers(
+    scores: np.ndarray, triggers: np.ndarray, moving: Collection[int], promised: Mapping[int, float]
+) -> np.ndarray:
     """Expected success of candidates for new links, where every trigger has a link: before one was seen moving, one of
-    the candidates on it works, or none does for another reason.
+    the candidates on it works, or none does for another reason, however little a model promises that knows no such
+    trigger.
 
     Args:
         scores: float (K,), expected success of each by itself.
         triggers: int (K,), where each is.
         moving: triggers of which a link was seen moving.
+        promised: how probable it seemed at first, by such scores, that any candidate on a trigger works.
 
     Returns:
         float (K,).
@@ -225,7 +258,7 @@ def on_triggers(scores: np.ndarray, triggers: np.ndarray, moving: Collection[int
     told = scores.copy()
     for trigger in set(triggers.tolist()) - set(moving):
         here = triggers == trigger
-        told[here] /= 1 - (1 - ELSEWHERE) * np.prod(1 - scores[here])
+        told[here] /= max(1 - (1 - ELSEWHERE * promised[trigger]) * np.prod(1 - scores[here]), LEAST)
     return told
 
 
@@ -273,7 +306,7 @@ class CuriousFactory:
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
         constants = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
-        constants |= {"held": HELD, "certain": CERTAIN}
+        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE}
         return {
             "mode": self.learned.mode,
             "policy": policy,

@@ -91,6 +91,9 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.zeros(len(tries))
 
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+            return np.ones(len(tries))
+
         def certainty(self, seen: object) -> float:
             return self.sure
 
@@ -127,6 +130,9 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
             asked.append(actions)
             return np.where(actions[:, 5] > 0, 2.0, 1.0)
 
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+            return np.ones(len(tries))
+
     assert policy._inner.memory is not None
     policy._reasoner, policy._inner.memory.failures = Asked(), []
     assert policy._watched is not None
@@ -146,19 +152,26 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
     assert [action[5] > 0 for action in asked[0][:3]] == [True, False, False]
 
 
-def test_a_known_link_that_fails_is_worth_less_unless_what_held_it_may_have_let_go(simulator: Simulator) -> None:
+def test_the_reasoner_is_told_when_a_known_link_moved_and_when_it_did_not(simulator: Simulator) -> None:
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 3, InteractionConfig(), 0)
+    factory, told = Kept(LearnedPolicyFactory("procedural", "collect")), list[object]()
+    episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
     policy: CuriousPolicy = vars(factory)["policy"]
-    memory, pixels = policy._inner.memory, np.array([(50, 50), (90, 50)])
-    assert memory is not None
-    memory.failures, policy._released = [Failure((50, 50), {0: 0.5}), Failure((51, 50), {0: 0.5})], np.zeros(2)
-    assert policy._patience(pixels).tolist() == [0.25, 1.0], "nobody has asked yet"
-    policy._released = np.array([0.5, 0.5])
-    assert policy._patience(pixels).tolist() == [0.5 + 0.5 * 0.25, 1.0]
-    memory.failures, policy._released = [], np.zeros(0)
-    assert policy._patience(pixels).tolist() == [1.0, 1.0]
+    memory = policy._inner.memory
+    assert memory is not None and policy._done == [(step.pixel, step.success) for step in episode.steps]
+
+    class Told:
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+            told.extend(tries)
+            return np.full(len(tries), 0.25)
+
+    policy._reasoner = Told()
+    memory.links[:] = 0
+    for step, link in ((2, 7), (5, 7), (6, 8)):
+        u, v = episode.steps[step].pixel
+        memory.links[v, u] = link
+    here = [(number, one.success) for number, one in enumerate(episode.steps) if memory.links[one.pixel[::-1]] == 7]
+    assert policy._yields(np.array([7, 9])).tolist() == [0.25, 0.25] and told == [here, []] and len(here) > 1
 
 
 def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) -> None:
@@ -231,11 +244,15 @@ def test_it_is_collected_continued_and_told_by_what_it_chose(tmp_path: Path) -> 
 def test_every_trigger_has_a_link_so_that_its_candidates_promise_more_while_none_is_known() -> None:
     """Trigger 4 has a known link, 5 two candidates that promise little, 6 a nearly sure one."""
     scores, triggers = np.array([0.01, 0.002, 0.004, 0.95]), np.array([4, 5, 5, 6])
-    told = on_triggers(scores, triggers, {4, 9})
-    one = 1 - (1 - ELSEWHERE) * 0.998 * 0.996
-    assert told[0] == 0.01 and 0.95 < told[3] < 1 and told[1:3].sum() < 1
+    any_of_5 = 1 - 0.998 * 0.996
+    told = on_triggers(scores, triggers, {4, 9}, {5: any_of_5, 6: 0.95})
+    one = 1 - (1 - ELSEWHERE * any_of_5) * 0.998 * 0.996
+    assert told[0] == 0.01 and 0.95 < told[3] < 1
     assert told[1:3] == pytest.approx([0.002 / one, 0.004 / one])
-    assert on_triggers(np.zeros(2), np.array([1, 1]), ()).tolist() == [0, 0]
+    assert told[1:3].sum() == pytest.approx(1 / (1 + ELSEWHERE), abs=0.01), "little is promised, but something is there"
+    failed = on_triggers(scores / 1000, triggers, {4}, {5: any_of_5, 6: 0.95})
+    assert 0 < failed[1:3].sum() < 0.06 and failed[3] < 0.06, "what promised more has failed: it is elsewhere, or held"
+    assert on_triggers(np.zeros(2), np.array([1, 1]), (), {1: 0.0}).tolist() == [0, 0]
 
 
 def test_it_acts_on_triggers_alone_and_sooner_or_later_on_each() -> None:

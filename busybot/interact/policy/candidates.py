@@ -21,6 +21,8 @@ from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pair
 
 MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
+ASIDE = 9
+"""Where little is promised, candidates are so far from each other and from where an action failed, pixels."""
 EVEN = 16
 """Parts of a picture begin at multiples of this, because connected regions are numbered by squares of pixels."""
 
@@ -111,6 +113,7 @@ def find_candidates(
     memory: BoardMemory | None = None,
     config: PolicyConfig | None = None,
     view: V | None = None,
+    within: np.ndarray | None = None,
 ) -> Candidates:
     """Action candidates on what an image shows.
 
@@ -122,6 +125,8 @@ def find_candidates(
         config: the policy's constants. A model has some of its own, which commands use:
             `policy_factory.policy_config(model.info, {})`. The defaults without it.
         view: what `model.look(seen, rays)` returned, if it was called already.
+        within: bool (H, W), where something can be moved whatever the model says: its peaks there are candidates
+            however low they are, and so is what is beside failures.
 
     Returns:
         candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
@@ -133,7 +138,13 @@ def find_candidates(
     affordance, links = view.affordance[window], links[window]
     smooth = smoothed(affordance, config.blur)
     inside = _proposals(smooth, affordance, links, config)
-    pixels = inside + (window[1].start, window[0].start)
+    corner = (window[1].start, window[0].start)
+    if within is not None:
+        failed = [] if memory is None else [failure.pixel for failure in memory.failures]
+        there = within[window] & (links == 0)
+        further = _further(smooth, affordance, there, np.array(failed).reshape(-1, 2) - corner, config)
+        inside = np.unique(np.concatenate([inside, further]), axis=0)
+    pixels = inside + corner
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
         return Candidates(pixels, positions, none, np.zeros((0, 18)), np.zeros((0, 9)), none.astype(int))
@@ -213,6 +224,19 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
     return found
 
 
+def _further(
+    smooth: np.ndarray, affordance: np.ndarray, where: np.ndarray, failed: np.ndarray, config: PolicyConfig
+) -> np.ndarray:
+    """Pixels int (K, 2) to try where a model promises little and somebody knows more: peaks however low, beside the
+    pixels (F, 2) where actions failed. A small link that the model's peak is not on, but beside, has no other."""
+    where = where & held(affordance)
+    near = np.zeros(affordance.shape, np.uint8)
+    for u, v in failed.tolist():
+        cv2.circle(near, (u, v), ASIDE, 1, -1)
+    where &= near == 0
+    return _peaks(np.where(where, smooth, np.float32(NOT_ELEVATED)), where, config, ASIDE)
+
+
 def is_likely(belief: np.ndarray, least: float | Literal["middle"]) -> np.ndarray:
     """Which pixels take part in clusters, bool (H, W): those above a belief, or above the middle between the highest
     and the lowest of the picture, as the paper's authors have it."""
@@ -246,9 +270,9 @@ def cluster_tops(affordance: np.ndarray, likely: np.ndarray, clusters: int) -> n
     return np.stack([columns[best], rows[best]], axis=1)
 
 
-def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig) -> np.ndarray:
+def _peaks(smooth: np.ndarray, where: np.ndarray, config: PolicyConfig, radius: int | None = None) -> np.ndarray:
     """Local maxima (u, v) of float32 (H, W), highest first, int (K, 2); one in the middle of each plateau."""
-    side = 2 * config.peak_radius + 1
+    side = 2 * (config.peak_radius if radius is None else radius) + 1
     top = (smooth == cv2.dilate(smooth, np.ones((side, side), np.uint8))) & where
     if (found := cv2.findNonZero(top.view(np.uint8))) is None:
         return np.zeros((0, 2), int)

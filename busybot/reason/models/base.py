@@ -157,6 +157,11 @@ class Curious(Protocol):
         when it was tried, by the actions named, from 0; float (F,)."""
         ...
 
+    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+        """How probable it is that each of K links that were seen moving moves now, by what each action that took hold
+        of it, from 0, came to; as a share of what is expected of one that nothing can hold; float (K,)."""
+        ...
+
     def certainty(self, seen: BoardSequence) -> float:
         """The probability that the likeliest parents of all responders are the right ones, 0 to 1."""
         ...

@@ -5,8 +5,8 @@ import pytest
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.episode import Observation
-from busybot.interact.policy.board_memory import BoardMemory
-from busybot.interact.policy.candidates import _peaks, find_candidates
+from busybot.interact.policy.board_memory import BoardMemory, Failure
+from busybot.interact.policy.candidates import ASIDE, _peaks, find_candidates
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, pair_scores
 from tests.interact.scenes import BODY, BUTTON, PRESSED, RAYS, ButtonModel, picture
@@ -58,6 +58,24 @@ def test_a_moved_link_is_a_region_of_its_own() -> None:
     found = find_candidates(MODEL, after, RAYS, memory)
     for pixel, region in zip(found.pixels, found.regions, strict=True):
         assert (region == 1) == (button_at(pixel) == 0)
+
+
+def test_where_something_moves_for_sure_there_are_candidates_though_the_model_sees_none_and_beside_failures() -> None:
+    """Of two switches the model sees nothing on the second, whose button is pressed, and is wrong on the first's."""
+    seen, within = board(BUTTON, BUTTON, PRESSED / 2), np.zeros(RAYS.directions.shape[:2], bool)
+    second = (slice(80, 100), slice(100, 140))
+    usual = find_candidates(MODEL, seen, RAYS)
+    assert not any(100 <= u < 140 and 80 <= v < 100 for u, v in usual.pixels)
+    within[second] = True
+    found = find_candidates(MODEL, seen, RAYS, within=within)
+    there = found.pixels[:, 1] >= 80
+    assert there.sum() >= 1 and sorted(map(tuple, found.pixels[~there])) == sorted(map(tuple, usual.pixels))
+    memory = BoardMemory(RAYS.heights(seen.depth), PolicyConfig())
+    tried = found.pixels[there][0]
+    memory.failed(Failure((int(tried[0]), int(tried[1])), {0: 0.5}))
+    beside = find_candidates(MODEL, seen, RAYS, memory, within=within)
+    there = beside.pixels[:, 1] >= 80
+    assert there.any() and (np.hypot(*(beside.pixels[there] - tried).T) > ASIDE).all()
 
 
 def test_kmeans_candidates_are_the_tops_of_clusters() -> None:

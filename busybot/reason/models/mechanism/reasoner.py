@@ -32,7 +32,7 @@ from busybot.reason.models.mechanism.contexts import (
     goals,
     memories,
 )
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released, yields
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import (
     BoardFacts,
@@ -317,6 +317,11 @@ class MechanismReasoner:
     def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:
         """See `Curious`."""
         return released(study_of(seen, self.encoder).perceived.trace.responders, tries)
+
+    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+        """See `Curious`."""
+        shown = study_of(seen, self.encoder).perceived.trace.responders
+        return np.array([yields(shown, [step for step, _ in own], [moved for _, moved in own]) for own in tries])
 
     def certainty(self, seen: BoardSequence) -> float:
         """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released
+from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released, yields
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -82,3 +82,16 @@ def test_what_was_held_may_move_when_responders_look_as_they_never_did_when_it_w
     assert told == pytest.approx([1 / 3, 1 / 2, 0, 0, 3 / 6])
     assert released(shown[:1], [[0]]) == pytest.approx([0]) and released(shown, []).shape == (0,)
     assert released(shown[:, :0], [[0]]) == pytest.approx([0]), "no responders"
+
+
+def test_a_known_link_is_believed_to_move_when_the_responder_looks_as_it_did_when_it_moved() -> None:
+    """It moved while the first responder was on, and did not while it was off; the second was seen in both ways."""
+    shown = np.array([[1, 0], [0, 0], [1, 1], [0, 1], [1, 0]])
+    steps, moved = [0, 1, 2, 3], [True, False, True, False]
+    on = yields(shown, steps, moved)
+    off = yields(np.vstack([shown, [[0, 0]]]), steps, moved)
+    assert on > 0.95 and off < 0.3
+    assert yields(shown, [], []) < yields(shown, [0, 2], [True, True]) <= 1, "what always moved is held by nothing"
+    unlike = yields(np.vstack([shown, [[1, 1]]]), [0, 0], [True, False])
+    assert off < unlike < on, "the same looks, another outcome: bad luck"
+    assert yields(shown[:, :0], [0], [True]) == pytest.approx(1), "no responders"

@@ -5,8 +5,8 @@ way or that, the reasoner tells what would be learned about all responders, as f
 that the link goes there; it may go on to where nobody has seen it. A link that nobody has seen is worth as much as the
 first few actions on a known one, as far as the model believes that there is one, and every trigger has one: while none
 of a trigger's links is known, what its candidates promise is counted among each other. So links are found first, and
-places of little promise are tried when known links tell little more: on a trigger every peak is a candidate, however
-little the model sees there, and so is what is beside an action that failed.
+places of little promise are tried when known links tell little more: while none of a trigger's links is known, peaks
+are candidates however little the model sees there, and on all triggers so is what is beside an action that failed.
 
 What moves where it is taken hold of is a link, though so few pixels change, because nothing responds, that there is no
 reward; a noisy camera does not tell that. What did not move may be held by how a responder is, and is believed in again
@@ -27,6 +27,7 @@ from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
 from busybot.interact.policy.candidates import ASIDE, Candidates
+from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import (
     LearnedPolicyFactory,
@@ -101,6 +102,16 @@ class Watched:
         return sequence_of(self.observed, np.stack(self._features))
 
 
+@dataclass(frozen=True)
+class Done:
+    """An action: where it took hold, the direction pair that was tried last, and whether a link moved there; None if
+    nobody can tell."""
+
+    pixel: tuple[int, int]
+    pair: int
+    moved: bool | None
+
+
 class CuriousPolicy:
     """See the module.
 
@@ -123,7 +134,7 @@ class CuriousPolicy:
         self._seen: Observation | None = None
         self._sequence: BoardSequence | None = None  # what is known, where this decision asked for it
         self._untried = False  # whether something new that was not tried promises anything, at the last decision
-        self._done: list[tuple[tuple[int, int], bool]] = []  # where each action took hold, whether a link moved there
+        self._done: list[Done] = []
         self._promised: dict[int, float] = {}  # that a link of a trigger moves, by its candidates' first scores
         self._moving: set[int] = set()  # triggers of which a link was seen moving
         self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
@@ -143,8 +154,8 @@ class CuriousPolicy:
         assert watched is not None and seen is not None
         memory = self._inner.memory
         assert memory is not None
-        moved = self._moved(action.pixel, seen, after, bool(reward))
-        self._done.append((action.pixel, moved))
+        moved, sure = self._moved(action.pixel, seen, after, bool(reward))
+        self._done.append(Done(action.pixel, int(PAIR_OF[executed[-1]]), moved if sure else None))
         if moved:
             self._moving.add(trigger_at(watched.observed, action.pixel))
         if not memory.links[action.pixel[1], action.pixel[0]]:
@@ -156,14 +167,16 @@ class CuriousPolicy:
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
 
-    def _moved(self, pixel: tuple[int, int], seen: Observation, after: Observation, rewarded: bool) -> bool:
-        """Whether a link moved where an action took hold: a reward alone may be for something that changed late, or by
-        chance."""
+    def _moved(
+        self, pixel: tuple[int, int], seen: Observation, after: Observation, rewarded: bool
+    ) -> tuple[bool, bool]:
+        """Whether a link moved where an action took hold, and whether that is known: a reward alone may be for
+        something that changed late, or by chance, and before a noisy camera a link may move without one."""
         assert self._watched is not None and self._inner.memory is not None
         if not self._watched.changed(after):
-            return False
+            return False, True
         told = self._inner.memory.moved_at(pixel, seen, after)
-        return rewarded if told is None else told
+        return (rewarded, rewarded) if told is None else (told, True)
 
     def _knows(self, watched: Watched) -> bool:
         """Whether somebody who ends when all is known is sure of all parents; known links have nothing to tell then."""
@@ -186,14 +199,13 @@ class CuriousPolicy:
         """Where to try what the model sees little in, bool (H, W): on triggers of which no link is known, and on others
         beside failures."""
         assert self._watched is not None
-        still, others = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
-        for (u, v), moved in self._done:
-            if not moved:
-                cv2.circle(others, (u, v), 2 * ASIDE, 1, -1)
+        told, beside = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        for failure in [] if self._inner.memory is None else self._inner.memory.failures:
+            cv2.circle(beside, failure.pixel, 2 * ASIDE, 1, -1)
         for trigger in self._watched.observed.triggers.tolist():
             u0, v0, u1, v1 = np.maximum(self._watched.observed.boxes[trigger], 0).astype(int).tolist()
-            still[v0:v1, u0:u1] = 1 if trigger not in self._moving else others[v0:v1, u0:u1]
-        return still > 0
+            told[v0:v1, u0:u1] |= beside[v0:v1, u0:u1] if trigger in self._moving else 1
+        return told > 0
 
     def worth(self, found: Candidates, directions: np.ndarray) -> np.ndarray:
         """Expected information, see `interact.policy.learned.Worth`; less than none where there is no trigger."""
@@ -233,10 +245,13 @@ class CuriousPolicy:
     def _yields(self, regions: np.ndarray) -> np.ndarray:
         """How far to believe that known links (K,) move as things are now, by when each did and did not; float (K,)."""
         assert self._inner.memory is not None
-        links = self._inner.memory.links
-        taken = [int(links[v, u]) for (u, v), _ in self._done]
-        tries = [[(step, self._done[step][1]) for step, at in enumerate(taken) if at == link] for link in regions]
-        return np.asarray(self._reasoner.yields(self._sequence, tries))
+        links, pairs = self._inner.memory.links, self._inner.memory.pairs
+        tries: dict[int, list[tuple[int, bool, bool]]] = {region: [] for region in regions.tolist()}
+        for step, one in enumerate(self._done):
+            link = int(links[one.pixel[::-1]])
+            if link in tries and one.moved is not None:
+                tries[link].append((step, one.moved, one.moved or one.pair == pairs[link]))
+        return np.asarray(self._reasoner.yields(self._sequence, list(tries.values())))
 
 
 def on_triggers(

@@ -18,7 +18,16 @@ from busybot.interact.policy.candidates import Candidates
 from busybot.interact.policy.config import PolicyConfig
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
-from busybot.plan.curious import ELSEWHERE, HELD, NEW, CuriousFactory, CuriousPolicy, curious_reasoner, on_triggers
+from busybot.plan.curious import (
+    ELSEWHERE,
+    HELD,
+    NEW,
+    CuriousFactory,
+    CuriousPolicy,
+    Done,
+    curious_reasoner,
+    on_triggers,
+)
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode, trigger_at
 from busybot.reason.inputs.sequence import sequence_of
@@ -91,7 +100,7 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.zeros(len(tries))
 
-        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
             return np.ones(len(tries))
 
         def certainty(self, seen: object) -> float:
@@ -130,7 +139,7 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
             asked.append(actions)
             return np.where(actions[:, 5] > 0, 2.0, 1.0)
 
-        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
             return np.ones(len(tries))
 
     assert policy._inner.memory is not None
@@ -158,20 +167,41 @@ def test_the_reasoner_is_told_when_a_known_link_moved_and_when_it_did_not(simula
     episode = record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
     policy: CuriousPolicy = vars(factory)["policy"]
     memory = policy._inner.memory
-    assert memory is not None and policy._done == [(step.pixel, step.success) for step in episode.steps]
+    assert memory is not None and [one.pixel for one in policy._done] == [step.pixel for step in episode.steps]
+    assert [one.moved for one in policy._done] == [step.success for step in episode.steps]
 
     class Told:
-        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+        def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
             told.extend(tries)
             return np.full(len(tries), 0.25)
 
     policy._reasoner = Told()
-    memory.links[:] = 0
-    for step, link in ((2, 7), (5, 7), (6, 8)):
-        u, v = episode.steps[step].pixel
-        memory.links[v, u] = link
-    here = [(number, one.success) for number, one in enumerate(episode.steps) if memory.links[one.pixel[::-1]] == 7]
-    assert policy._yields(np.array([7, 9])).tolist() == [0.25, 0.25] and told == [here, []] and len(here) > 1
+    memory.links[:], memory.pairs = 0, {7: 2, 8: 2}
+    memory.links[20, 30], memory.links[20, 40] = 7, 8
+    for pixel, pair, moved in (((30, 20), 1, False), ((30, 20), 2, False), ((40, 20), 2, True), ((30, 20), 2, True)):
+        policy._done.append(Done(pixel, pair, moved))
+    policy._done += [Done((30, 20), 1, False), Done((30, 20), 2, None)]
+    moves = [(STEPS, False, False), (STEPS + 1, False, True), (STEPS + 3, True, True), (STEPS + 4, False, False)]
+    assert policy._yields(np.array([7, 9])).tolist() == [0.25, 0.25] and told == [moves, []]
+
+
+def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(simulator: Simulator) -> None:
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    watched, memory = policy._watched, policy._inner.memory
+    assert watched is not None and memory is not None
+    boxes = watched.observed.boxes.copy()
+    first, second = watched.observed.triggers[:2].tolist()
+    boxes[:], boxes[first], boxes[second] = 0, (10, 10, 60, 60), (50, 10, 100, 60)
+    watched.observed = replace(watched.observed, boxes=boxes)
+    policy._moving, memory.failures = {second}, []
+    within = policy._within((120, 160))
+    assert within[10:60, 10:60].all() and within.sum() == 50 * 50, "where boxes overlap, too"
+    memory.failures = [Failure((80, 40), {0: 0.5})]
+    further = policy._within((120, 160)) & ~within
+    assert further[40, 80] and not further[40, 61] and not further[:, 100:].any() and not further[61:].any()
 
 
 def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) -> None:
@@ -201,7 +231,7 @@ def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(
         def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
             return np.full(len(tries), float(not held))
 
-    monkeypatch.setattr(policy, "_moved", lambda pixel, seen, after, rewarded: rewarded)
+    monkeypatch.setattr(policy, "_moved", lambda pixel, seen, after, rewarded: (rewarded, True))
     policy._reasoner, policy._tried_again, memory.failures = Told(), [0.0, 0.0], []
     policy._reconsider(watched)
     assert not len(policy._released)
@@ -271,7 +301,7 @@ def test_what_only_chance_would_read_is_refused() -> None:
         factory.provenance()
 
 
-def test_what_changes_late_is_no_link_that_moved(simulator: Simulator) -> None:
+def test_what_changes_late_is_no_link_that_moved(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """A rewarded action that held nothing: something else had changed meanwhile."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
@@ -284,9 +314,14 @@ def test_what_changes_late_is_no_link_that_moved(simulator: Simulator) -> None:
     lit, moved = before.rgb.copy(), before.depth.copy()
     lit[:20] = 255
     moved[v0:v1, u0:u1] -= 0.05
-    assert not policy._moved(here, before, replace(before, rgb=lit), True), "only a lamp shines"
-    assert policy._moved(here, before, replace(before, depth=moved), False), "it moved, and nothing responded"
-    assert not policy._moved(here, before, before, True)
+    assert policy._moved(here, before, replace(before, rgb=lit), True) == (False, True), "only a lamp shines"
+    assert policy._moved(here, before, replace(before, depth=moved), False) == (True, True), "and nothing responded"
+    assert policy._moved(here, before, before, True) == (False, True)
+    assert policy._inner.memory is not None
+    monkeypatch.setattr(policy._inner.memory, "moved_at", lambda *_: None)
+    for rewarded in (True, False):
+        told = policy._moved(here, before, replace(before, rgb=lit), rewarded)
+        assert told == (rewarded, rewarded), "before a noisy camera it may have moved without a reward"
 
 
 def test_a_failure_that_was_expected_tells_little_of_other_places() -> None:

@@ -126,7 +126,7 @@ def find_candidates(
             `policy_factory.policy_config(model.info, {})`. The defaults without it.
         view: what `model.look(seen, rays)` returned, if it was called already.
         within: bool (H, W), where something can be moved whatever the model says: its peaks there are candidates
-            however low they are, and so is what is beside failures.
+            however low they are, if they are the highest around, and so is what is beside failures.
 
     Returns:
         candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
@@ -142,8 +142,8 @@ def find_candidates(
     if within is not None:
         failed = [] if memory is None else [failure.pixel for failure in memory.failures]
         there = within[window] & (links == 0)
-        further = _further(smooth, affordance, there, np.array(failed).reshape(-1, 2) - corner, config)
-        inside = np.unique(np.concatenate([inside, further]), axis=0)
+        further = _further(smooth, affordance, there, np.array(failed, int).reshape(-1, 2) - corner, config)
+        inside = np.concatenate([inside, _apart(further, inside, config)])
     pixels = inside + corner
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
@@ -227,14 +227,27 @@ def _proposals(smooth: np.ndarray, affordance: np.ndarray, links: np.ndarray, co
 def _further(
     smooth: np.ndarray, affordance: np.ndarray, where: np.ndarray, failed: np.ndarray, config: PolicyConfig
 ) -> np.ndarray:
-    """Pixels int (K, 2) to try where a model promises little and somebody knows more: peaks however low, beside the
-    pixels (F, 2) where actions failed. A small link that the model's peak is not on, but beside, has no other."""
+    """Pixels int (K, 2) to try where a model promises little and somebody knows more: peaks however low, the highest
+    around, also of what is left beside the pixels (F, 2) where actions failed, and those pixels themselves. A small
+    link that the model's peak is not on, but beside, has no other."""
     where = where & held(affordance)
     near = np.zeros(affordance.shape, np.uint8)
     for u, v in failed.tolist():
         cv2.circle(near, (u, v), ASIDE, 1, -1)
-    where &= near == 0
-    return _peaks(np.where(where, smooth, np.float32(NOT_ELEVATED)), where, config, ASIDE)
+    rest = where & (near == 0)
+    found = _peaks(np.where(rest, smooth, np.float32(NOT_ELEVATED)), rest, config, ASIDE)
+    inside = ((failed >= 0) & (failed < where.shape[::-1])).all(axis=1)
+    again = failed[inside][where[failed[inside, 1], failed[inside, 0]]]
+    return np.concatenate([again, found])
+
+
+def _apart(pixels: np.ndarray, others: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """Of the pixels (K, 2) those that are not as near to one of the others, or of those before, as no two peaks are."""
+    kept = others
+    for pixel in pixels:
+        if not (np.abs(kept - pixel).max(axis=1) <= config.peak_radius).any():
+            kept = np.vstack([kept, pixel])
+    return kept[len(others) :]
 
 
 def is_likely(belief: np.ndarray, least: float | Literal["middle"]) -> np.ndarray:

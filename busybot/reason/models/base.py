@@ -157,9 +157,14 @@ class Curious(Protocol):
         when it was tried, by the actions named, from 0; float (F,)."""
         ...
 
-    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
-        """How probable it is that each of K links that were seen moving moves now, by what each action that took hold
-        of it, from 0, came to; as a share of what is expected of one that nothing can hold; float (K,)."""
+    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
+        """How probable it is that each of K links that were seen moving moves now; as a share of what is expected of
+        one that nothing can hold; float (K,).
+
+        Args:
+            tries: of each link the actions that took hold of it, from 0, whether each moved it, and whether it is known
+                that it moves if pushed like that.
+        """
         ...
 
     def certainty(self, seen: BoardSequence) -> float:

@@ -74,8 +74,14 @@ def test_where_something_moves_for_sure_there_are_candidates_though_the_model_se
     tried = found.pixels[there][0]
     memory.failed(Failure((int(tried[0]), int(tried[1])), {0: 0.5}))
     beside = find_candidates(MODEL, seen, RAYS, memory, within=within)
-    there = beside.pixels[:, 1] >= 80
-    assert there.any() and (np.hypot(*(beside.pixels[there] - tried).T) > ASIDE).all()
+    away = np.hypot(*(beside.pixels[beside.pixels[:, 1] >= 80] - tried).T)
+    assert sorted(away)[0] == 0 and (np.array(sorted(away)[1:]) > ASIDE).all() and len(away) > 1
+    again = int((beside.pixels == tried).all(axis=1).argmax())
+    doubted = beside.scores[again]
+    memory.overcome([1.0])
+    assert find_candidates(MODEL, seen, RAYS, memory, within=within).scores[again] > doubted, "what held it let go"
+    apart = np.abs(beside.pixels[:, None] - beside.pixels).max(axis=2) + 99 * np.eye(len(beside), dtype=int)
+    assert apart.min() > PolicyConfig().peak_radius
 
 
 def test_kmeans_candidates_are_the_tops_of_clusters() -> None:

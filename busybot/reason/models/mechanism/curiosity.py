@@ -28,8 +28,10 @@ from busybot.reason.models.mechanism.contexts import (
 LOCKED = 0.2
 """How probable it is that a link waits for a responder, before it was tried."""
 GIVES = 0.9
-"""How probably a link moves that nothing holds, where it moved before; what is held seems to move as probably as this
-one does not."""
+"""How probably a link moves that nothing holds, if pushed as it moved before; what is held seems to move as probably as
+this one does not."""
+MAY_GIVE = 0.5
+"""The same if pushed in a way of which that is not known."""
 
 
 def expected_information(
@@ -85,21 +87,23 @@ def released(responders: np.ndarray, tries: Sequence[Sequence[int]]) -> np.ndarr
     return np.array(told)
 
 
-def yields(responders: np.ndarray, actions: Sequence[int], moved: Sequence[bool]) -> float:
+def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> float:
     """How probable it is that a link that was seen moving would move now if it were pushed, as a share of how probable
     that is of one that nothing holds: any responder in any of its states may be what it waits for, or none.
 
     Args:
         responders: int (T + 1, R), states after each action.
-        actions: those that took hold of the link, from 0.
-        moved: whether it moved each time.
+        tries: the actions that took hold of the link, from 0, whether each moved it, and whether it is known that it
+            moves if pushed like that.
     """
+    actions, moved, known = (list(one) for one in zip(*tries, strict=True)) if tries else ([], [], [])
+    gives = np.where(known, GIVES, MAY_GIVE)
     free = np.arange(STATES) < np.maximum(responders.max(0) + 1, 2)[:, None]  # (R, states)
-    met = responders[list(actions)][..., None] == np.arange(STATES)  # (tries, R, states)
-    works = np.where(met, GIVES, 1 - GIVES)
+    met = responders[np.array(actions, int)][..., None] == np.arange(STATES)  # (tries, R, states)
+    works = np.where(met, gives[:, None, None], 1 - GIVES)
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
     waits = LOCKED * free * told / max(1, free.sum())
-    alone = (1 - LOCKED) * np.where(moved, GIVES, 1 - GIVES).prod()
+    alone = (1 - LOCKED) * np.where(moved, gives, 1 - gives).prod()
     now = waits[np.arange(len(free)), responders[-1]].sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))

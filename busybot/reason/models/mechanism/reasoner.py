@@ -318,10 +318,10 @@ class MechanismReasoner:
         """See `Curious`."""
         return released(study_of(seen, self.encoder).perceived.trace.responders, tries)
 
-    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool]]]) -> np.ndarray:
+    def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
         """See `Curious`."""
         shown = study_of(seen, self.encoder).perceived.trace.responders
-        return np.array([yields(shown, [step for step, _ in own], [moved for _, moved in own]) for own in tries])
+        return np.array([yields(shown, own) for own in tries])
 
     def certainty(self, seen: BoardSequence) -> float:
         """See `Curious`; none as long as a trigger that shows was never seen moving, which may control anything."""

@@ -87,11 +87,12 @@ def test_what_was_held_may_move_when_responders_look_as_they_never_did_when_it_w
 def test_a_known_link_is_believed_to_move_when_the_responder_looks_as_it_did_when_it_moved() -> None:
     """It moved while the first responder was on, and did not while it was off; the second was seen in both ways."""
     shown = np.array([[1, 0], [0, 0], [1, 1], [0, 1], [1, 0]])
-    steps, moved = [0, 1, 2, 3], [True, False, True, False]
-    on = yields(shown, steps, moved)
-    off = yields(np.vstack([shown, [[0, 0]]]), steps, moved)
+    tries = [(0, True, True), (1, False, True), (2, True, True), (3, False, True)]
+    on, off = yields(shown, tries), yields(np.vstack([shown, [[0, 0]]]), tries)
     assert on > 0.95 and off < 0.3
-    assert yields(shown, [], []) < yields(shown, [0, 2], [True, True]) <= 1, "what always moved is held by nothing"
-    unlike = yields(np.vstack([shown, [[1, 1]]]), [0, 0], [True, False])
+    assert yields(shown, []) < yields(shown, [tries[0], tries[2]]) <= 1, "what always moved is held by nothing"
+    unlike = yields(np.vstack([shown, [[1, 1]]]), [tries[0], (0, False, True)])
     assert off < unlike < on, "the same looks, another outcome: bad luck"
-    assert yields(shown[:, :0], [0], [True]) == pytest.approx(1), "no responders"
+    moved = [(0, False, False)] * 3 + [(0, True, True)]
+    assert yields(shown, moved) > 0.9 > 0.5 > yields(shown, [(0, False, True)] * 3 + moved[3:]), "it was pushed wrongly"
+    assert yields(shown[:, :0], [(0, True, True)]) == pytest.approx(1), "no responders"

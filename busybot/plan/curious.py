@@ -154,29 +154,27 @@ class CuriousPolicy:
         assert watched is not None and seen is not None
         memory = self._inner.memory
         assert memory is not None
-        moved, sure = self._moved(action.pixel, seen, after, bool(reward))
-        self._done.append(Done(action.pixel, int(PAIR_OF[executed[-1]]), moved if sure else None))
+        moved = self._moved(action.pixel, seen, after, bool(reward))
+        self._done.append(Done(action.pixel, int(PAIR_OF[executed[-1]]), moved))
         if moved:
             self._moving.add(trigger_at(watched.observed, action.pixel))
         if not memory.links[action.pixel[1], action.pixel[0]]:
             here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
             self._tried_again[0 if moved else 1] += here.max(initial=0.0)
-        self._inner.observe(action, executed, int(moved), after)
+        self._inner.observe(action, executed, int(bool(moved)), after)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
         watched.add(ObservedAction(action.pixel, (x, y, z), tuple(proposed), pushed), after)
 
-    def _moved(
-        self, pixel: tuple[int, int], seen: Observation, after: Observation, rewarded: bool
-    ) -> tuple[bool, bool]:
-        """Whether a link moved where an action took hold, and whether that is known: a reward alone may be for
-        something that changed late, or by chance, and before a noisy camera a link may move without one."""
+    def _moved(self, pixel: tuple[int, int], seen: Observation, after: Observation, rewarded: bool) -> bool | None:
+        """Whether a link moved where an action took hold: a reward alone may be for something that changed late, or by
+        chance. None if nobody can tell: before a noisy camera a link may move without a reward."""
         assert self._watched is not None and self._inner.memory is not None
         if not self._watched.changed(after):
-            return False, True
+            return False
         told = self._inner.memory.moved_at(pixel, seen, after)
-        return (rewarded, rewarded) if told is None else (told, True)
+        return (rewarded or None) if told is None else told
 
     def _knows(self, watched: Watched) -> bool:
         """Whether somebody who ends when all is known is sure of all parents; known links have nothing to tell then."""

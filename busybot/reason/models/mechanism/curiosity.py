@@ -50,10 +50,10 @@ def expected_information(
         of: bool (R, T + 1), the moments that tell of these explanations; all by default.
     """
     before = trace.responders[-1]
-    ways = np.maximum(trace.responders.max(0) + 1, 2)  # states that each responder is known to have
-    few = np.where(found.own, UNSURE, SURE)[:, None] * (np.arange(STATES) < ways[:, None, None])  # (R, H, S)
+    there = _states(trace.responders)
+    few = np.where(found.own, UNSURE, SURE)[:, None] * there[:, None]  # (R, H, S)
     lucky = found.memory == UNRELIABLE
-    tries = np.exp(ATTEMPTS[before]) * (np.arange(STATES) < ways[:, None])[..., None]  # (R, after, goals)
+    tries = np.exp(ATTEMPTS[before]) * there[..., None]  # (R, after, goals)
     tries /= tries.sum(1, keepdims=True)
     open_ = entr(tries).sum(1)
     told = []
@@ -78,7 +78,7 @@ def released(responders: np.ndarray, tries: Sequence[Sequence[int]]) -> np.ndarr
         responders: int (T + 1, R), states after each action.
         tries: for each of F things the actions that failed to move it, from 0.
     """
-    there = np.arange(STATES) < np.maximum(responders.max(0) + 1, 2)[:, None]  # (R, states)
+    there = _states(responders)
     told = []
     for actions in tries:
         in_vain = (responders[list(actions)][..., None] == np.arange(STATES)).any(0)
@@ -98,13 +98,13 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> f
     """
     actions, moved, known = (list(one) for one in zip(*tries, strict=True)) if tries else ([], [], [])
     gives = np.where(known, GIVES, MAY_GIVE)
-    free = np.arange(STATES) < np.maximum(responders.max(0) + 1, 2)[:, None]  # (R, states)
+    there = _states(responders)
     met = responders[np.array(actions, int)][..., None] == np.arange(STATES)  # (tries, R, states)
     works = np.where(met, gives[:, None, None], 1 - GIVES)
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
-    waits = LOCKED * free * told / max(1, free.sum())
+    waits = LOCKED * there * told / max(1, there.sum())
     alone = (1 - LOCKED) * np.where(moved, gives, 1 - gives).prod()
-    now = waits[np.arange(len(free)), responders[-1]].sum()
+    now = waits[np.arange(len(there)), responders[-1]].sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))
 
@@ -117,6 +117,11 @@ def certainty(found: Explanations, shares: np.ndarray) -> float:
     """
     _, which = np.unique(found.inputs, axis=0, return_inverse=True)
     return float(np.prod([np.bincount(which.ravel(), own).max() for own in shares]))
+
+
+def _states(responders: np.ndarray) -> np.ndarray:
+    """Which states each responder is known to have, bool (R, S), from those after each action, int (T + 1, R)."""
+    return np.arange(STATES) < np.maximum(responders.max(0) + 1, 2)[:, None]
 
 
 def _foretold(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

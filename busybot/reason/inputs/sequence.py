@@ -209,6 +209,33 @@ def _cluster(looks: np.ndarray, threshold: float, share: float) -> np.ndarray:
     return np.array([order[number] for number in found.tolist()])
 
 
+FEW, MOST_HIDDEN = 12, 0.2
+"""In fewer steps looks need not stay or return; a hand hides no larger share of them."""
+
+
+def hidden_looks(looks: np.ndarray, few: int = FEW) -> np.ndarray:
+    """In which frames an object was not seen, bool (T + 1, N), by its looks, float (T + 1, N, C).
+
+    What something hides keeps its look to the last bit (`appearances`), and what happened behind shows later. Where
+    hardly any picture is like another one, a look that was there before tells so. That the camera is such a one, the
+    looks of the whole recording tell: to a still one most of them stay or return. What has no box, and looks like
+    nothing in all frames, tells neither.
+
+    Args:
+        few: with fewer steps than these nothing tells what the camera is, and nothing is hidden; 0 if that is known.
+    """
+    hidden, boxed = np.zeros(looks.shape[:2], bool), looks.any((0, 2))
+    for index in np.flatnonzero(boxed):
+        each = [one.tobytes() for one in looks[:, index] + 0.0]  # there is but one zero
+        met = set()
+        for number, one in enumerate(each):
+            hidden[number, index] = one in met
+            met.add(one)
+    if len(looks) <= few or not boxed.any() or hidden[:, boxed].mean() > MOST_HIDDEN:
+        return np.zeros_like(hidden)
+    return hidden
+
+
 def fit_threshold(alike: np.ndarray, different: np.ndarray) -> float:
     """A third of the way from the distances of looks of one state to those of different states.
 

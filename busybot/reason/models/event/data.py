@@ -18,7 +18,7 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from busybot.reason.inputs.board_dataset import step_targets, touches
-from busybot.reason.inputs.sequence import BoardSequence
+from busybot.reason.inputs.sequence import BoardSequence, hidden_looks
 from busybot.reason.pyg import Batch, HeteroData, scatter
 
 
@@ -29,7 +29,7 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     |---|---|---|---|
     | `trigger` | `pos` | float32 (K, 3) | board units |
     | `responder` | `distances` | float32 (R, T + 1, T + 1) | between its features in any two frames |
-    | | `shown` | bool (R, T) | False for steps before or after which something hid it (`_shown`) |
+    | | `shown` | bool (R, T) | False for steps before or after which something hid it |
     | `step` | `action` | float32 (T, 6) | position (board units) and direction |
     | | `known` | bool (T,) | False for steps that only fill up (`padded`) |
     | `trigger`, `controls`, `responder` | `edge_index` | int64 (2, E) | every pair, in the order of `candidates` |
@@ -40,7 +40,8 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     graph = HeteroData()
     graph["trigger"].pos = torch.from_numpy(np.asarray(sequence.positions[triggers], np.float32))
     graph["responder"].distances = apart(looks, looks)
-    graph["responder"].shown = _shown(graph["responder"].distances, looks.ne(0).any(-1).any(-1))
+    hidden = torch.from_numpy(hidden_looks(sequence.features[:, responders]).T)
+    graph["responder"].shown = ~(hidden[:, :-1] | hidden[:, 1:])
     graph["responder"].num_nodes = len(responders)
     graph["step"].action = torch.from_numpy(np.asarray(sequence.actions, np.float32))
     graph["step"].known = torch.ones(sequence.steps, dtype=torch.bool)
@@ -49,22 +50,6 @@ def board_graph(sequence: BoardSequence) -> HeteroData:
     graph["trigger", "controls", "responder"].edge_index = torch.from_numpy(pairs.astype(np.int64))
     graph["step", "touches", "trigger"].edge_index = touches(trigger_rows(sequence.triggers, sequence.acted))
     return graph
-
-
-def _shown(distances: Tensor, boxed: Tensor) -> Tensor:
-    """Steps of which it was seen what they did to a responder, bool (R, T), from `distances` of those that are boxed.
-
-    A responder that something hides keeps its look to the last bit (`appearances`), and what happened behind shows
-    later, when another trigger may have been touched. Where hardly any picture is like another one, an equal look tells
-    so. That the camera is such a one, the looks of the whole recording tell, however few steps are asked about: to a
-    still one most of them stay or return. What has no box, bool (R,), looks like nothing in all frames, and tells
-    neither.
-    """
-    steps = distances.shape[1] - 1
-    hidden = (distances == 0).tril(-1).any(-1) & boxed[:, None]  # (R, T + 1), as some frame before
-    if steps < FEW or hidden[boxed].float().mean() > MOST_HIDDEN:
-        return torch.ones(len(distances), steps, dtype=torch.bool)
-    return ~(hidden[:, :-1] | hidden[:, 1:])
 
 
 def trigger_rows(triggers: np.ndarray, acted: np.ndarray) -> np.ndarray:
@@ -247,8 +232,6 @@ def split(seen: Context, steps: int, most: int) -> tuple[Context, Queries, Obser
     )
 
 
-FEW, MOST_HIDDEN = 12, 0.2
-"""In fewer steps looks need not stay or return; a hand hides no larger share of them."""
 SMALL = 0.05
 """Added to distances before logarithms, in units of the smallest change."""
 NEAR = (0.02, 0.05, 0.12)

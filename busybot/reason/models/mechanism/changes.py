@@ -68,7 +68,8 @@ def changes_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Chang
     since, places = torch.zeros(responders, len(found.own), len(asked)), torch.zeros(responders, dtype=torch.int64)
     counted, kinds = _Counted(found, moments), _kinds(found, links)
     for number, own in enumerate(torch.from_numpy(trace.responders.T.copy()) if moments > EARLIEST else ()):
-        logs, prior = counted.explained(own).cumsum(1), _prior(found, links + number)  # (H, M, S)
+        seen = None if trace.hidden is None else torch.from_numpy(~trace.hidden[:, number])
+        logs, prior = counted.explained(own, seen).cumsum(1), _prior(found, links + number)  # (H, M, S)
         logs[:, :, 1:].masked_fill_(counted.before[:, 1:], -torch.inf)
         starts, whole, anew = counted.starts[1:], logs[..., 0] + prior[:, None], logs[:, asked, 1:]
         since_when = torch.zeros(len(starts))
@@ -129,25 +130,28 @@ class _Counted:
         """Sums over the moments from each first one on, (..., M, S) from (..., M, M)."""
         return numbers @ self._since_first
 
-    def explained(self, shown: Tensor) -> Tensor:
+    def explained(self, shown: Tensor, seen: Tensor | None = None) -> Tensor:
         """Log probability of each state of a responder, before it showed, by what is known since each first moment,
         (H, M, S); 0 before that. The estimators are those of `evidence`.
 
         Args:
             shown: int (M,).
+            seen: bool (M,), when that was seen; always by default. What was not is certain, and tells nothing.
         """
+        counts = torch.ones(len(shown)) if seen is None else seen.float()
         agrees, before = (shown[:, None] == shown).float(), torch.cat([shown[:1], shown[:-1]])
-        seen = torch.where(self.before, -1, shown[:, None]).cummax(0).values
-        ways = (seen + 1).clamp(min=2)
+        ways = (torch.where(self.before, -1, shown[:, None]).cummax(0).values + 1).clamp(min=2)
         told = shown.new_empty((sum(map(len, self._rows)), *ways.shape), dtype=torch.float32)
-        told[self._rows[0]] = estimated(self._since(self._free * agrees), self._total, ways, SURE)
-        told[self._rows[1]] = self._unless_it_fails(shown, ways)
-        told[self._rows[2]] = self._by_itself(before, agrees, ways)
-        return told.masked_fill_(self.before, 0.0)
+        total = self._total if seen is None else self._since(self._free * counts)
+        told[self._rows[0]] = estimated(self._since(self._free * counts * agrees), total, ways, SURE)
+        told[self._rows[1]] = self._unless_it_fails(shown, counts, ways)
+        told[self._rows[2]] = self._by_itself(before, agrees, counts, ways)
+        return told.masked_fill_(self.before, 0.0).mul_(counts[:, None])
 
-    def _unless_it_fails(self, shown: Tensor, ways: Tensor) -> Tensor:
+    def _unless_it_fails(self, shown: Tensor, counts: Tensor, ways: Tensor) -> Tensor:
         """Of what goes where its context says, unless that fails."""
         going, at_rest = torch.from_numpy(attempts(shown.numpy())).float(), torch.from_numpy(RESTED).float()[shown]
+        going, at_rest = going * counts[:, None], at_rest * counts[:, None]
         first = torch.arange(len(shown))[:, None] == self.starts
         known, shows = [], []
         for goal in range(min(STATES, int(ways.max()))):
@@ -157,9 +161,9 @@ class _Counted:
             shows.append(known[-1] + torch.where(first, at_rest[:, None, goal], going[:, None, goal]))
         return torch.logsumexp(torch.stack(shows), 0) - torch.logsumexp(torch.stack(known), 0)
 
-    def _by_itself(self, before: Tensor, agrees: Tensor, ways: Tensor) -> Tensor:
+    def _by_itself(self, before: Tensor, agrees: Tensor, counts: Tensor, ways: Tensor) -> Tensor:
         """Of what remembers itself alone, where it is found out whether that is sure."""
-        same = self._alone * (before[:, None] == before)
+        same = self._alone * (before[:, None] == before) * counts
         right, total = self._since(same * agrees), self._since(same)
         logs = [estimated(right, total, ways, few) for few in (SURE, UNSURE)]
         known = [same @ one.masked_fill(self.before, 0.0) for one in logs]

@@ -87,20 +87,33 @@ class Trace:
         links: int (T + 1, L).
         responders: int (T + 1, R).
         sizes: number of states of each link.
+        hidden: bool (T + 1, R), where a responder was not seen: its state is the one that it was last seen in, and
+            tells nothing. None if all were seen at all times.
     """
 
     links: np.ndarray
     responders: np.ndarray
     sizes: tuple[int, ...]
+    hidden: np.ndarray | None = None
+
+    @property
+    def seen(self) -> np.ndarray:
+        """bool (T + 1, R), where a responder was seen."""
+        return np.ones(self.responders.shape, bool) if self.hidden is None else ~self.hidden
 
     def first(self, actions: int) -> "Trace":
         """What was known after so many actions."""
-        return Trace(self.links[: actions + 1], self.responders[: actions + 1], self.sizes)
+        hidden = None if self.hidden is None else self.hidden[: actions + 1]
+        return Trace(self.links[: actions + 1], self.responders[: actions + 1], self.sizes, hidden)
 
     def longer(self, links: np.ndarray | Sequence[int], responders: np.ndarray, times: int = 1) -> "Trace":
-        """After one more action, or several, which left links and responders so."""
+        """After one more action, or several, which left links and responders so, for all to see."""
+        hidden = None if self.hidden is None else np.pad(self.hidden, ((0, times), (0, 0)))
         return Trace(
-            np.vstack([self.links, *[links] * times]), np.vstack([self.responders, *[responders] * times]), self.sizes
+            np.vstack([self.links, *[links] * times]),
+            np.vstack([self.responders, *[responders] * times]),
+            self.sizes,
+            hidden,
         )
 
 

@@ -1,8 +1,9 @@
 """How well explanations have done: what the `mechanism` network judges.
 
 An explanation is good when equal contexts were followed by equal states, and an input of it matters when the responder
-showed different states in contexts that differ in this input alone. Both are counted here, after every action. Cost: H
-explanations of T actions, R responders and E inputs that explanations read compare (H + E) R T^2 pairs of moments.
+showed different states in contexts that differ in this input alone. Both are counted here, after every action; where a
+responder was not seen, nothing is. Cost: H explanations of T actions, R responders and E inputs that explanations read
+compare (H + E) R T^2 pairs of moments.
 """
 
 import math
@@ -86,10 +87,10 @@ def evidence_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Evid
     """Count what is known after so many actions each."""
     shown = torch.from_numpy(np.ascontiguousarray(trace.responders.T))
     before = torch.cat([shown[:, :1], shown[:, :-1]], 1)  # a new board has rested for long
-    moments = torch.as_tensor(after)
+    moments, seen = torch.as_tensor(after), torch.from_numpy(np.ascontiguousarray(trace.seen.T))
     earlier = Earlier(found, before)
-    counted = _of_explanations(earlier, found, shown, before)
-    return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown)[:, :, moments])
+    counted = _of_explanations(earlier, found, shown, before, seen)
+    return Evidence(counted[:, :, moments], _of_inputs(earlier, found, shown, seen)[:, :, moments])
 
 
 class Earlier:
@@ -137,40 +138,44 @@ def estimated(right: Tensor, total: Tensor, ways: Tensor | int, few: float) -> T
     return torch.log((right + few) / (total + few * ways))
 
 
-def _log_probabilities(earlier: Earlier, shown: Tensor, follow: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _log_probabilities(
+    earlier: Earlier, shown: Tensor, follow: Tensor, hidden: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
     """Of what was shown, before it was: by sure contexts, unsure ones, and where either is found out, (R, H, M) each.
 
     Args:
         shown: int (R, M).
         follow: (R, H, M, STATES), how often each state followed equal contexts.
+        hidden: bool (R, 1, M), where it was not seen what was shown, which is certain then.
     """
     right, total, ways = _right(follow, shown), follow.sum(-1), known_states(shown)[:, None]
-    sure, unsure = (estimated(right, total, ways, few) for few in (SURE, UNSURE))
+    sure, unsure = (estimated(right, total, ways, few).masked_fill(hidden, 0.0) for few in (SURE, UNSURE))
     # log probability of what each has seen in this context
     known = earlier.sum(torch.stack([sure, unsure], -1)).unbind(-1)
     either = torch.logaddexp(known[0] + sure, known[1] + unsure) - torch.logaddexp(*known)
     return sure, unsure, either
 
 
-def _unless_it_fails(earlier: Earlier, shown: Tensor) -> Tensor:
+def _unless_it_fails(earlier: Earlier, shown: Tensor, hidden: Tensor) -> Tensor:
     """Log probability of each state, before it showed, of what goes where its inputs say unless that fails, (R, O, M)
     for the explanations that remember the responder's own state."""
-    logs = torch.from_numpy(attempts(shown.numpy())).float()  # (R, M, S)
+    logs = torch.from_numpy(attempts(shown.numpy())).float().masked_fill(hidden[:, 0, :, None], 0.0)  # (R, M, S)
     same = (earlier.same[earlier.own] & earlier.past).float()
     known = torch.einsum("uij,rjs->ruis", same, logs)
     known = known.masked_fill(torch.arange(STATES) >= known_states(shown)[:, None, :, None], -torch.inf)
     return torch.logsumexp(known + logs[:, None], -1) - torch.logsumexp(known, -1)
 
 
-def _together(shown: Tensor, before: Tensor) -> Tensor:
+def _together(shown: Tensor, before: Tensor, seen: Tensor) -> Tensor:
     """Log probability of all changes of each responder until each moment, if some other one's changes tell it, (R, M);
     there has to be another one."""
     changes = shown != before
     alike = (changes[:, :, None] == changes[:, None]).float()  # (R, M, M)
-    same = alike.tril(-1)
-    logs = estimated(torch.einsum("oij,rij->roi", same, alike), same.sum(-1), 2, SURE)  # (R, other R, M)
+    same = alike.tril(-1) * seen[:, None]
+    told = torch.einsum("oij,rij->roi", same, alike * seen[:, None])
+    total = torch.einsum("oij,rj->roi", same, seen)
     which = changes * (known_states(shown) - 1).log()  # it may have changed to any other state
-    logs = (logs - which[:, None]).cumsum(-1)
+    logs = ((estimated(told, total, 2, SURE) - which[:, None]) * seen[:, None]).cumsum(-1)  # (R, other R, M)
     others = ~torch.eye(len(shown), dtype=torch.bool)[..., None]
     return torch.logsumexp(logs.masked_fill(~others, -torch.inf), 1) - math.log(len(shown) - 1)
 
@@ -180,14 +185,14 @@ def _right(follow: Tensor, shown: Tensor) -> Tensor:
     return follow.gather(-1, shown[:, None, :, None].expand(*follow.shape[:3], 1))[..., 0]
 
 
-def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, before: Tensor) -> Tensor:
-    """(R, H, M, 15)."""
-    states = one_hot(shown, STATES).float()
+def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, before: Tensor, seen: Tensor) -> Tensor:
+    """(R, H, M, 15); `seen` is bool (R, M)."""
+    states, hidden = one_hot(shown, STATES).float() * seen[..., None], ~seen[:, None]
     follow, lately = earlier.sum(states), earlier.sum(states, recent=True)
-    logs, failing = _log_probabilities(earlier, shown, follow), _unless_it_fails(earlier, shown)
+    logs, failing = _log_probabilities(earlier, shown, follow, hidden), _unless_it_fails(earlier, shown, hidden)
     driven = torch.from_numpy(found.memory == UNRELIABLE)
     logs[2][:, driven] = failing[:, driven[earlier.own]]
-    afresh = estimated(_right(lately, shown), lately.sum(-1), STATES, SURE)
+    afresh = estimated(_right(lately, shown), lately.sum(-1), STATES, SURE).masked_fill(hidden, 0.0)
     total, agreed, changed = follow.sum(-1), _right(follow, shown), (shown != before)[:, None].expand(follow.shape[:3])
     fresh, never, always = total == 0, (total > 0) & (agreed == 0), (total > 0) & (agreed == total)
     counted = (
@@ -196,20 +201,20 @@ def _of_explanations(earlier: Earlier, found: Explanations, shown: Tensor, befor
     )  # fmt: skip
     sums = [one.cumsum(-1) for one in logs]
     columns = [one / SCALE for one in sums]
-    columns += [torch.log1p(one.float().cumsum(-1)) for one in counted]
-    columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately(never.float()))]
+    columns += [torch.log1p((one & ~hidden).float().cumsum(-1)) for one in counted]
+    columns += [_lately(logs[0]) / SCALE, _lately(afresh) / SCALE, torch.log1p(_lately((never & ~hidden).float()))]
     every = sums[0].clone()
     every[:, earlier.own] = failing.cumsum(-1)
     every = _if_every_input_matters(found, every, shown)
     lasting = np.isin(found.memory, SINCE)
-    every[:, torch.from_numpy(lasting)] = _if_it_lasts(found.contexts[:, lasting], shown)
+    every[:, torch.from_numpy(lasting)] = _if_it_lasts(found.contexts[:, lasting], shown, seen)
     [alone] = np.flatnonzero(found.own & ~found.inputs.any(1))
-    every[:, alone] = _together(shown, before) if len(shown) > 1 else sums[2][:, alone]
+    every[:, alone] = _together(shown, before, seen.float()) if len(shown) > 1 else sums[2][:, alone]
     columns.append(every / SCALE)
     return torch.stack(columns, -1)
 
 
-def _if_it_lasts(since: np.ndarray, shown: Tensor) -> Tensor:
+def _if_it_lasts(since: np.ndarray, shown: Tensor, seen: Tensor) -> Tensor:
     """Log probability of what was shown, (R, N, M), if it shows one state for some actions since a press, one to
     `LONGEST`, and another one later.
 
@@ -218,7 +223,7 @@ def _if_it_lasts(since: np.ndarray, shown: Tensor) -> Tensor:
     """
     longest = torch.arange(1, LONGEST + 1)
     on = (torch.from_numpy(since.T.copy())[:, None] < longest[:, None]).float()[..., None]  # (N, actions, M, 1)
-    agrees = torch.from_numpy(RESTED).float()[shown][:, None, None]  # (R, 1, 1, M, states)
+    agrees = (torch.from_numpy(RESTED).float()[shown] * seen[..., None])[:, None, None]  # (R, 1, 1, M, states)
     first, then = (on * agrees).cumsum(-2), ((1 - on) * agrees).cumsum(-2)
     ways, state = known_states(shown)[:, None], torch.arange(STATES)
     known = state < ways[..., None]  # (R, 1, M, S)
@@ -252,14 +257,14 @@ def _lately(numbers: Tensor) -> Tensor:
     return total
 
 
-def _of_inputs(earlier: Earlier, found: Explanations, shown: Tensor) -> Tensor:
+def _of_inputs(earlier: Earlier, found: Explanations, shown: Tensor, seen: Tensor) -> Tensor:
     """(R, E, M, 2)."""
     row = torch.from_numpy(found.reads[0])
     apart = earlier.same[torch.from_numpy(found.fewer)] & ~earlier.same[row] & earlier.past  # (E, M, M)
     own = earlier.own[row]
-    other = shown[:, :, None] != shown[:, None]  # (R, M, M)
+    other, both = shown[:, :, None] != shown[:, None], seen[:, :, None] & seen[:, None]  # (R, M, M)
     told = []
-    for pairs in (other, ~other):
+    for pairs in (other & both, ~other & both):
         count = torch.empty(len(shown), len(row), shown.shape[1])
         for which, wanted in ((~own, pairs), (own, pairs & earlier.alike)):
             count[:, which] = torch.einsum("eab,rab->rea", apart[which].float(), wanted.float())

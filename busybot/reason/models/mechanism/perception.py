@@ -1,14 +1,15 @@
 """A recording as a trace: states of links and responders as pictures show them, without labels.
 
-A responder's states are clusters of its looks, numbered as they appear; links are those of `inputs.trigger_links`, and
-those that cannot be seen to move but are felt: what happens tells that they do.
+A responder's states are clusters of its looks, numbered as they appear; where something hides it before a camera that
+is not still, it was not seen. Links are those of `inputs.trigger_links`, and those that cannot be seen to move but are
+felt: what happens tells that they do.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from busybot.reason.inputs.sequence import BoardSequence, clusters_of, threshold_of
+from busybot.reason.inputs.sequence import BoardSequence, clusters_of, hidden_looks, threshold_of
 from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
@@ -174,7 +175,8 @@ def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
     )
     links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
     actions = seen.actions if links.pushed is None else np.hstack([seen.actions[:, :3], links.pushed])
-    return Perceived(Trace(links.states, shown, links.sizes), links, responders, looks, actions, seen.acted)
+    hidden = hidden_looks(seen.features[:, responders], few=0) if links.steadied else None
+    return Perceived(Trace(links.states, shown, links.sizes, hidden), links, responders, looks, actions, seen.acted)
 
 
 def _with_felt(links: ObservedLinks, seen: BoardSequence, effects: np.ndarray) -> ObservedLinks:

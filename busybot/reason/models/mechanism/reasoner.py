@@ -114,12 +114,12 @@ class _Understood:
 
     def at(self, moment: int = -1) -> tuple[np.ndarray, np.ndarray]:
         """What is known of the mechanisms that decided responders at a moment, the end by default: bool (R, T + 1), the
-        moments that tell of them, at which these did, or all as long as few are since a change; float (R, H), the
-        probability of each explanation then."""
+        moments that tell of them, at which these did and it was seen, or all of these as long as few are since a
+        change; float (R, H), the probability of each explanation then."""
         late = np.arange(len(self.trace.links)) >= self.since[:, None]
         then = late[:, moment, None]
         few = then & (late.sum(1, keepdims=True) < EARLIEST)
-        return (late == then) | few, np.where(then, self.shares, self.early)
+        return ((late == then) | few) & self.trace.seen.T, np.where(then, self.shares, self.early)
 
     def laws(self, moment: int = -1) -> Laws:
         """What the board did at a moment, the end by default."""

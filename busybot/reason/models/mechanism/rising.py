@@ -108,7 +108,9 @@ def alike_of(trace: Trace, found: Explanations, after: Sequence[int]) -> Tensor:
     two = np.array(trace.sizes) == 2
     gates = np.isin(found.memory, _TABLED) & (found.inputs.sum(1) == 2) & ((found.inputs[:, :links] & two).sum(1) == 2)
     told = torch.zeros(len(responders), len(gates), len(after))
-    rests, fails = torch.from_numpy(RESTED)[responders], torch.from_numpy(attempts(responders.numpy()))  # (R, M, S)
+    seen = torch.from_numpy(trace.seen.T)[..., None]
+    rests = torch.from_numpy(RESTED)[responders] * seen  # (R, M, S)
+    fails = torch.from_numpy(attempts(responders.numpy())) * seen
     for logs, own in ((rests, False), (fails, True)):
         rows = np.flatnonzero(gates & (found.own == own))
         met = torch.from_numpy(found.contexts[:, rows, None] == _COMBINED)  # (M, rows, 4)

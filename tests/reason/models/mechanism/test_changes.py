@@ -66,16 +66,29 @@ def test_without_actions_nothing_is_said() -> None:
     assert changes.odds.tolist() == [[[NOTHING] * 3]] and not changes.since.any()
 
 
-def test_since_the_new_board_it_is_what_the_evidence_says() -> None:
+@pytest.mark.parametrize("hidden", [0.0, 0.2])
+def test_since_the_new_board_it_is_what_the_evidence_says(hidden: float) -> None:
     links, rng = walk(30, 5), np.random.default_rng(5)
     shown = np.stack([links[:, 0], np.maximum.accumulate(rng.integers(3, size=31))], axis=1)
-    trace = Trace(links, shown, (2, 2, 2))
+    trace = Trace(links, shown, (2, 2, 2), rng.random(shown.shape) < hidden)
     found = explanations_of(trace)
     told = SCALE * evidence_of(trace, found, range(31)).explanations
     for number in range(2):
-        logs = _Counted(found, 31).explained(torch.from_numpy(shown[:, number]))[..., 0].cumsum(1)
+        seen = torch.from_numpy(trace.seen[:, number])
+        logs = _Counted(found, 31).explained(torch.from_numpy(shown[:, number]), seen)[..., 0].cumsum(1)
         right = torch.where(torch.from_numpy(found.own)[:, None], told[number, ..., 2], told[number, ..., 0])
         assert torch.allclose(logs, right, atol=1e-4)
+
+
+def test_what_a_hand_hides_is_no_change() -> None:
+    """A lamp that seems to stay as it was behind a hand goes on following its switch, for all that is known."""
+    links, shown = walk(40, 1), walk(40, 1)[:, :1]
+    shown[29:] = shown[28]
+    assert (shown[:, 0] != links[:, 0]).sum() >= 2
+    hidden = np.isin(np.arange(41), range(29, 41))[:, None]
+    traces = [Trace(links, shown, (2, 2, 2), one) for one in (None, hidden)]
+    blind, seen = (changes_of(one, explanations_of(one), [40]).odds[0, 0, 1] for one in traces)
+    assert seen < ENOUGH < blind
 
 
 def test_a_change_lies_where_it_is_likely_at_several_moments_side_by_side() -> None:

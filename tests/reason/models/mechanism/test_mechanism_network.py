@@ -165,6 +165,25 @@ def test_what_fails_by_luck_is_told_from_what_moves_by_itself_and_from_what_move
     assert told[0, alone, 1] < told[0, alone, 0] + 0.5
 
 
+def test_what_was_not_seen_counts_as_if_it_had_not_been() -> None:
+    """What remembers nothing has the evidence of the moments alone at which the responder was seen, whatever a hand
+    left of the others; the second responder was seen throughout."""
+    links, rng = walk(3, 40), np.random.default_rng(1)
+    shown, kept = np.stack([links[:, 0] & links[:, 1], links[:, 2]], axis=1), rng.random(41) > 0.3
+    kept[0] = True
+    found, every = counted(Trace(links, shown, (2, 2, 2)), 40)
+    _, parts = counted(Trace(links[kept], shown[kept], (2, 2, 2)), int(kept.sum()) - 1)
+    of_links = ~found.inputs[:, 3:].any(1)
+    rows = of_links & np.isin(found.memory, [MEMORIES.index(name) for name in ("none", "late 0")])
+    columns = [0, 1, 2, *(COLUMNS[name] for name in ("new", "never", "sometimes", "always", "actions"))]
+    seen = kept[:, None] | np.array([False, True])
+    for stale in (0, 1):
+        _, told = counted(Trace(links, np.where(seen, shown, stale), (2, 2, 2), ~seen), 40)
+        np.testing.assert_allclose(told[0, rows][:, columns], parts[0, rows][:, columns], rtol=1e-4, atol=1e-5)
+        last = told.shape[-1] - 1  # tells who changes together with the other one
+        np.testing.assert_allclose(told[1, of_links, :last], every[1, of_links, :last], rtol=1e-5)
+
+
 def test_what_lasts_is_weighed_by_how_long() -> None:
     links = walk(3, 12)
     pressed = np.diff(links[:, 0], prepend=0) > 0

@@ -409,6 +409,23 @@ def test_boards_that_lack_triggers_or_responders_are_answered(
     assert 0 <= reasoner.certainty(seen) <= 1
 
 
+def test_what_a_hand_hides_before_a_real_camera_tells_nothing(watched: BoardSequence) -> None:
+    """The lamp behind it keeps its look to the last bit; before a still camera equal looks are what nothing changed."""
+    hidden, noise = slice(7, 9), np.random.default_rng(0).normal(0, 1e-3, watched.features.shape).astype(np.float32)
+    features = np.where(watched.responders[:, None], watched.features + noise, 0)
+    features[hidden, 1] = features[hidden.start - 1, 1]
+    looks = {"features": features, "watch": lambda steps: replace(watched.watch(steps), steadied=True)}
+    seen = BoardSequence(**watched.arrays | looks)
+    trace = perceive(seen, "embedded").trace
+    assert trace.hidden is not None and np.argwhere(trace.hidden).tolist() == [[7, 0], [8, 0]]
+    reasoner = MechanismReasoner(Right(), "embedded")
+    assert (reasoner._understand(seen).at()[0] == trace.seen.T).all(), "no mechanism is told by it"
+    before = perceive(seen.first(9), "embedded").trace
+    assert before.hidden is not None and before.hidden.tolist() == trace.hidden[:9].tolist()
+    still = BoardSequence(**watched.arrays | {"features": features, "watch": watched.watch})
+    assert perceive(still, "embedded").trace.hidden is None
+
+
 def test_a_link_may_go_on_to_where_it_was_never_seen_as_long_as_that_was_not_tried(watched: BoardSequence) -> None:
     """Each switch was seen in two states: what is on beyond tells more than the way back, less with each vain try."""
     reasoner = MechanismReasoner(Right(), "embedded")

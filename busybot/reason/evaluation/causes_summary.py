@@ -40,10 +40,10 @@ KEYS: dict[str, str] = {
     "mechanism_accuracy_met, mechanism_bound_met, mechanisms_met": "both of the responders whose inputs were in all "
     "states in which the tour asks about them, and which share of all that is: pictures do not show that a link has "
     "one more state, the exact observer is told",
-    "mechanism_missed_because": "how many of these responders are not foretold because an input moved nowhere on the "
-    "tour (`not asked`: nobody is right there, the exact observer neither), because their `parents` (links, where a "
-    "model tells them apart) are not those that it claims, because an input was `never met` in a state in which the "
-    "tour asks about it, or `otherwise`; the first of these that holds counts. Null as `mechanism_accuracy`",
+    "mechanism_missed_because": "how many of these responders are not foretold for each reason; the first that holds "
+    "counts. `not asked`: an input moved nowhere on the tour, and nobody is right there, the exact observer neither; "
+    "`parents`: it has other ones (links, where a model tells them apart) than the model claims; `never met`: an input "
+    "was never met in a state in which the tour asks about it; `otherwise`. Null as `mechanism_accuracy`",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that do not tell them",
@@ -53,12 +53,11 @@ KEYS: dict[str, str] = {
     "what_if_factual, what_if_left_out, what_if_pairs": "the two halves by themselves, and how many pairs there are",
     "what_if_bound": "the share that is told rightly by who knows the board's law and all states, and the luck that "
     "showed; where other luck would have decided, he names what is likelier. Null as `what_if`",
-    "what_if_missed_because": "of how many pairs that are told wrongly `luck` is the reason (of a responder the model "
-    "tells rightly what it showed, and with the one of the bound wrongly what it would have shown), of how many that "
-    "the mechanism of a responder that the model is wrong about was exchanged before what is asked about ended "
-    "(`rewired`), of how many that its `parents` are not those that it has, of how many that its `mechanism` is not "
-    "foretold on the tour either, or that it was not asked there, of how many it is something else (`otherwise`); the "
-    "first of these that holds counts. Null as `what_if`, and without pairs",
+    "what_if_missed_because": "how many pairs are told wrongly for each reason, by the responder that is told wrongly; "
+    "the first that holds counts. `luck`: the model tells rightly what it showed and wrongly what it would have shown, "
+    "and so does who knows the law (the bound); `rewired`: its mechanism was exchanged before the end of what is asked "
+    "about; `parents`: it has others than the model claims; `mechanism`: that is not foretold on the tour either, or "
+    "was not asked there; `otherwise`. Null as `what_if`, and without pairs",
     "ece_uncertain, uncertain_pairs": "expected calibration error over the pairs with .05 < p < .95, and how many that "
     f"is; null below {LEAST_PAIRS}, which say too little",
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "

@@ -149,8 +149,8 @@ def _compared(
 KEYS: dict[str, str] = {
     "rewirings": f"mechanisms that changed, so that the old one would have shown another state, at least {WITHIN} "
     "actions before the end. The following are of these",
-    "rewired_found, rewired_found_bound": f"share of them in which the model, and the exact observer, believes more "
-    f"than not {WITHIN} actions after they first showed, as it tells at the end. Null for models that do not tell "
+    "rewired_found, rewired_found_bound": f"share of them that the model, and the exact observer, believes in (p > .5) "
+    f"{WITHIN} actions after they first showed, as it tells at the end. Null for models that do not tell "
     "(`InferredGraph.changed`)",
     "rewired_placed, rewired_placed_bound": "share of them that are found, and said to have happened at most "
     f"{BESIDE} actions before they did or after they first showed",

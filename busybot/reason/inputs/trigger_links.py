@@ -25,7 +25,7 @@ from busybot.episodes.episode import Camera
 from busybot.reason.inputs.link_tracking import lasts, tracked
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
-from busybot.reason.inputs.trigger_views import Move, View, calm_views, still_views
+from busybot.reason.inputs.trigger_views import Move, UnsteadyTriggers, View, still_views
 
 STATES = 3
 """A link has so many at most."""
@@ -133,7 +133,7 @@ class LinkWatch:
         observed = self._observed.first(steps + 1)
         unsteady = len(pictures_of(observed)) > self._still
         acted = self._acted[:steps]
-        views = calm_views(steadied(observed), acted) if unsteady else self._views
+        views = self._unsteady.views(acted) if unsteady else self._views
         return _links_of(observed, views, acted, unsteady)
 
     @cached_property
@@ -143,6 +143,10 @@ class LinkWatch:
     @cached_property
     def _still(self) -> int:
         return still_pictures(self._observed)
+
+    @cached_property
+    def _unsteady(self) -> UnsteadyTriggers:
+        return UnsteadyTriggers(steadied(self._observed))
 
     @cached_property
     def _views(self) -> dict[int, View]:

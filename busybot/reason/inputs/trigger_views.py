@@ -112,23 +112,34 @@ def still_views(observed: ObservedEpisode) -> dict[int, View]:
     }
 
 
-def calm_views(observed: ObservedEpisode, acted: np.ndarray) -> dict[int, View]:
-    """The same of a recording that was steadied.
+class UnsteadyTriggers:
+    """The triggers that the first frame shows, in all pictures of a recording that was steadied, looked at once."""
 
-    Args:
-        acted: int (T,), the trigger that each action took hold of.
-    """
-    pixels, frames = ObjectMasks(observed), [observed.frame(k) for k in range(len(observed.image_of))]
-    deep = all(frame.depth is not None for frame in frames)
-    views = {}
-    for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
-        own, hidden = (
-            np.array(one) for one in zip(*(pixels.masks(trigger, k) for k in range(len(frames))), strict=True)
-        )
-        looks = np.array([_look(frame, pixels.regions[trigger], deep) for frame in frames], np.float32)
-        looks[hidden] = np.nan
-        views[trigger] = _calm(looks, own.mean(axis=0) > 0.5, acted == trigger)
-    return views
+    def __init__(self, observed: ObservedEpisode):
+        pixels, frames = ObjectMasks(observed), [observed.frame(k) for k in range(len(observed.image_of))]
+        self._deep = np.array([frame.depth is not None for frame in frames])
+        self._own, self._looks = dict[int, np.ndarray](), dict[int, np.ndarray]()
+        for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
+            masks = (pixels.masks(trigger, k) for k in range(len(frames)))
+            self._own[trigger], hidden = (np.array(one) for one in zip(*masks, strict=True))
+            looks = np.array([_look(frame, pixels.regions[trigger]) for frame in frames], np.float32)
+            looks[hidden] = np.nan
+            self._looks[trigger] = looks
+
+    def views(self, acted: np.ndarray) -> dict[int, View]:
+        """As of `still_views`, of the first so many actions.
+
+        Args:
+            acted: int (T,), the trigger that each of these took hold of.
+        """
+        count = len(acted) + 1
+        channels = None if self._deep[:count].all() else COLOURS
+        return {
+            trigger: _calm(
+                looks[:count, ..., :channels], self._own[trigger][:count].mean(axis=0) > 0.5, acted == trigger
+            )
+            for trigger, looks in self._looks.items()
+        }
 
 
 def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:
@@ -164,16 +175,26 @@ def _least(away: np.ndarray) -> np.ndarray:
     """
     colours, depth = away[..., :COLOURS], away[..., COLOURS:]
     worst = np.concatenate([colours.max(axis=-1, keepdims=True), depth], axis=-1)
-    noise = ABOVE * np.nan_to_num(np.nanquantile(worst, USUAL, axis=0))
+    noise = ABOVE * _usual(worst)
     of_colours = np.maximum(noise[..., :1], LEAST).repeat(COLOURS, axis=-1)
     return np.concatenate([of_colours, np.maximum(noise[..., 1:], DEEP)], axis=-1)
 
 
-def _look(frame: Frame, region: Region, deep: bool) -> np.ndarray:
-    """Colours of a trigger's box, and if `deep` depth, NaN in its holes; float32 (h, w, C)."""
+def _usual(numbers: np.ndarray) -> np.ndarray:
+    """What so large a share `USUAL` of the numbers (n, ...) stays within, without those that are NaN; 0 if all are.
+
+    As `nanquantile`, which looks at one place after the other.
+    """
+    told, ordered = np.zeros(numbers.shape[1:], numbers.dtype), np.sort(numbers, axis=0)  # NaN comes last
+    counts = np.count_nonzero(~np.isnan(ordered), axis=0)
+    for count in np.unique(counts[counts > 0]).tolist():
+        told[counts == count] = np.quantile(ordered[:count, counts == count], USUAL, axis=0)
+    return told
+
+
+def _look(frame: Frame, region: Region) -> np.ndarray:
+    """Colours of a trigger's box, and depth, NaN in its holes or where there is none; float32 (h, w, C)."""
     place = region.rows, region.columns
     rgb = frame.rgb[place].astype(np.float32)
-    if not deep or frame.depth is None:
-        return rgb
-    depth = frame.depth[place]
+    depth = np.zeros(rgb.shape[:2], np.float32) if frame.depth is None else frame.depth[place]
     return np.dstack([rgb, np.where(depth > 0, depth / np.float32(LEVEL), np.nan)])

@@ -82,7 +82,8 @@ class Watched:
             which = which[which >= 0]
             states = _as_seen(self.links[:, which], numbered)
         shown = _as_seen(self.shown, as_they_appear) if responders else trace.responders
-        return Trace(states, shown, tuple((states.max(0, initial=1) + 1).tolist())), which
+        hidden = None if responders else trace.hidden
+        return Trace(states, shown, tuple((states.max(0, initial=1) + 1).tolist()), hidden), which
 
     def counts(self, reasoner: MechanismReasoner, way: str) -> np.ndarray:
         """Links rightly claimed, claimed and true after each of `ACTIONS`, int (K, 3)."""

@@ -41,7 +41,12 @@ class OnlineFeatures:
     Args:
         observed: the recorded interactions; its first frame is seen first.
         chosen: an encoder that is no oracle.
+
+    Attributes:
+        calm: the last picture, comparable with the others (`Steady`).
     """
+
+    calm: Frame
 
     def __init__(self, observed: ObservedEpisode, chosen: FeatureExtractor):
         self._steady = Steady(observed)
@@ -51,14 +56,15 @@ class OnlineFeatures:
         self._watched = {i: TrackedObject(region) for i, region in regions.items() if observed.roles[i] == "responder"}
         self._features = np.zeros((len(observed.roles), CHANNELS), np.float32)
         self._known: dict[int, list[np.ndarray]] = {index: [] for index in self._watched}
-        self._see(self._steady.of(observed.frame(0)))
+        self._see(observed.frame(0))
 
     def see(self, frame: Frame) -> np.ndarray:
         """Features float32 (N, 256) of the next picture; zeros for triggers and objects without a box."""
-        self._see(self._steady.of(frame))
+        self._see(frame)
         return self._features.copy()
 
-    def _see(self, frame: Frame) -> None:
+    def _see(self, shown: Frame) -> None:
+        frame = self.calm = self._steady.of(shown)
         if self._chosen.pixels == "centre":
             self._features = self._chosen.of_pictures(self._observed, [frame.rgb])[0].astype(np.float32)
             return

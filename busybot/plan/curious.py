@@ -74,11 +74,18 @@ class Watched:
         found = detections.roles, detections.boxes, detections.positions
         self.observed = ObservedEpisode(first.camera, *found, actions=(), images=[image], image_of=(0,))
         self._extractor, self._latest, self._steadied = extractor, first, False
+        self._features: list[np.ndarray] = []
+        self._calm: list[Image] = []
         self._look_anew()
 
     def _look_anew(self) -> None:
-        self._sight = OnlineFeatures(self.observed, self._extractor)
-        self._features = [self._sight.see(self.observed.frame(number)) for number in range(len(self.observed.image_of))]
+        self._sight, self._features, self._calm = OnlineFeatures(self.observed, self._extractor), [], []
+        for number in range(len(self.observed.image_of)):
+            self._see(self.observed.frame(number))
+
+    def _see(self, frame: Frame) -> None:
+        self._features.append(self._sight.see(frame))
+        self._calm.append(Image(self._sight.calm.rgb, self._sight.calm.depth, None, NO_BOXES))
 
     def changed(self, after: Observation) -> bool:
         """Whether something was seen to change: else an observation is the same object as before."""
@@ -96,10 +103,11 @@ class Watched:
             self._steadied = True
             self._look_anew()
         else:
-            self._features.append(self._sight.see(Frame(after.rgb, after.depth)))
+            self._see(Frame(after.rgb, after.depth))
 
     def sequence(self) -> BoardSequence:
-        return sequence_of(self.observed, np.stack(self._features))
+        calm = replace(self.observed, images=self._calm, image_of=tuple(range(len(self._calm))))
+        return sequence_of(self.observed, np.stack(self._features), calm if self._steadied else None)
 
 
 @dataclass(frozen=True)

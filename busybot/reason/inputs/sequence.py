@@ -107,12 +107,15 @@ class BoardSequence:
         return self.once(("first", steps), shortened)
 
 
-def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSequence:
+def sequence_of(
+    observed: "ObservedEpisode", features: np.ndarray, calm: "ObservedEpisode | None" = None
+) -> BoardSequence:
     """Put features beside what else a reasoner may read.
 
     Args:
         features: (T + 1, N, 256) of the frames of `observed`, any floating type; those of triggers and of objects
             without a box are replaced by zeros.
+        calm: the same recording as `steadied` makes it, for who has it already and asks about links.
 
     Raises:
         BusybotError: the features are not those of so many frames and objects.
@@ -135,7 +138,7 @@ def sequence_of(observed: "ObservedEpisode", features: np.ndarray) -> BoardSeque
         triggers=roles == "trigger",
         responders=roles == "responder",
         world=observed.world,
-        watch=lru_cache(maxsize=None)(LinkWatch(observed).first),
+        watch=lru_cache(maxsize=None)(LinkWatch(observed, calm).first),
     )
 
 

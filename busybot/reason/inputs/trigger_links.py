@@ -123,10 +123,11 @@ class LinkWatch:
 
     Args:
         observed: T actions.
+        calm: the same as `steadied` makes it, if that was done already.
     """
 
-    def __init__(self, observed: ObservedEpisode):
-        self._observed = observed
+    def __init__(self, observed: ObservedEpisode, calm: ObservedEpisode | None = None):
+        self._observed, self._calm = observed, calm
 
     def first(self, steps: int) -> ObservedLinks:
         """What pictures show in the first so many actions."""
@@ -146,7 +147,7 @@ class LinkWatch:
 
     @cached_property
     def _unsteady(self) -> UnsteadyTriggers:
-        return UnsteadyTriggers(steadied(self._observed))
+        return UnsteadyTriggers(self._calm or steadied(self._observed))
 
     @cached_property
     def _views(self) -> dict[int, View]:

@@ -36,7 +36,6 @@ KNOWN = {
     },
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
-        "real_board",
     },
     SEVERAL: {"table1"},
     NO_HASHES: {"mechanism-ablations"},

@@ -1,5 +1,6 @@
 """Pictures of a camera that is not still, made comparable; those of one that is stay as they are."""
 
+import warnings
 from dataclasses import replace
 
 import cv2
@@ -11,6 +12,8 @@ from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
 from busybot.reason.inputs.steady import Steady, steadied
+from busybot.reason.inputs.trigger_links import LinkWatch
+from busybot.reason.inputs.trigger_views import USUAL, _usual
 from tests.reason.inputs.test_trigger_links import MOVES, observe_links, played, pressed
 from tests.reason.scenes import BOARD_DEPTH, Patch, Scene
 
@@ -120,3 +123,33 @@ def test_depth_shows_in_noise_what_colours_do_not_if_it_is_always_there() -> Non
     noisy = unsteady(button, shake=0)
     lost = [replace(image, depth=None) if number == 2 else image for number, image in enumerate(noisy.images)]
     assert not len(observe_links(replace(noisy, images=lost)).owners)
+
+
+@pytest.mark.parametrize("lost", [None, 3])
+def test_a_part_of_a_recording_shows_what_it_shows_alone(lost: int | None) -> None:
+    """All pictures are looked at once, whatever part is asked about first; those without depth have none to tell."""
+    whole = hidden_at(unsteady(played(MOVES)[0], shake=0), [9])
+    images = [replace(one, depth=None) if number == lost else one for number, one in enumerate(whole.images)]
+    whole = replace(whole, images=images)
+    watches = LinkWatch(whole), LinkWatch(whole, steadied(whole))
+    for steps in (len(MOVES), 2, 6):
+        alone = LinkWatch(whole.first(steps + 1)).first(steps)
+        for watch in watches:
+            found = watch.first(steps)
+            assert found.steadied and len(found.owners) == len(alone.owners)
+            for name in ("clusters", "states", "owners", "places", "outlines"):
+                np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
+
+
+def test_noise_is_what_most_pictures_stay_within() -> None:
+    """To the last bit what `nanquantile` tells, and none where nothing was seen."""
+    rng = np.random.default_rng(0)
+    away = rng.random((9, 5, 7, 2)).astype(np.float32)
+    away[rng.random(away.shape) < 0.3] = np.nan
+    away[:, 0, 0] = np.nan
+    away[1:, 1, 1] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        expected = np.nan_to_num(np.nanquantile(away, USUAL, axis=0))
+    np.testing.assert_array_equal(_usual(away), expected)
+    assert not _usual(away)[0, 0].any() and _usual(away).dtype == np.float32

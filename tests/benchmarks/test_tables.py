@@ -209,7 +209,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w").mkdir()
-    out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000"
+    out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000,shipped"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
     table1.main()
     told = json.loads(out.read_text())["rows"]
@@ -220,6 +220,8 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         told["greedy"]["commands"][1]
         == "busybot eval interact WORK/judge-707-novel-config --model WORK/free-0 --mode greedy"
     )
+    assert told["shipped"]["commands"][1] == "busybot eval interact WORK/judge-707-novel-config --model procedural"
+    assert not told["shipped"]["training"] and told["shipped"]["novel-object"]["compared"]["against"] == "free-0"
     assert told["free-0"]["novel-object"]["compared"] is None
     assert told["greedy"]["novel-object"]["compared"] == {
         "against": "free-0", "recall": {"boards": 5, "difference": -1, "p": 2 / 32}

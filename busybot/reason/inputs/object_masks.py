@@ -28,7 +28,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import Frame, ObservedEpisode, observe_episode
 
-MASKS = "3"
+MASKS = "4"
 """Changes when masks of the same pictures do, or what steadies pictures; features are then computed anew."""
 CERTAIN = 0.2
 """Share of the raised pixels of a box that must lie in no other box to place the object by them."""

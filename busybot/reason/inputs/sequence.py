@@ -40,7 +40,8 @@ class BoardSequence:
         triggers: bool (N,).
         responders: bool (N,).
         world: as of `ObservedEpisode`.
-        watch: tells what pictures show of the trigger links in the first so many actions; None without pictures.
+        watch: tells what pictures show of the trigger links in the first so many actions (`LinkWatch.first`); None
+            without pictures.
     """
 
     features: np.ndarray
@@ -50,7 +51,7 @@ class BoardSequence:
     triggers: np.ndarray
     responders: np.ndarray
     world: str = ""
-    watch: "Callable[[int], ObservedLinks] | None" = None
+    watch: "Callable[..., ObservedLinks] | None" = None
     _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def once(self, name: Any, make: Callable[[], Made]) -> Made:

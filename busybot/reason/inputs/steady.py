@@ -4,7 +4,8 @@ Whether a recording needs it is told by itself: where nothing was touched, most 
 camera are equal. If they are in all pictures, the recording is left as it is, to the last bit. Else each picture is
 
 - moved back onto the one that the boxes are of, by the shift at which the two correlate best;
-- made as bright as that one, by the median ratio around each place: what changes is smaller than half of the window;
+- made as bright as that one, by the median ratio around each place: what changes is smaller than half of the window,
+  and what is too bright for the camera is as bright as it was there;
 - smoothed, as depth is, by about the size of what a sensor does to an edge.
 
 What a hand hides is not mended: masks tell it by its depth (`object_masks`).
@@ -27,6 +28,8 @@ FINE, COARSE = 1.0, 8.0
 the smaller picture. Grey values would not do: under another exposure they differ everywhere, however they lie."""
 HALF = 2
 """Pictures are correlated in squares of so many pixels a side: the shift is found to a tenth of one."""
+BRIGHTEST = 245
+"""A channel that is as bright, but for noise, is as bright as the camera can tell, or brighter."""
 SMOOTH, EDGE = 1.0, 5
 """Deviation of the smoothing of colours, and window of the median of depth, pixels."""
 
@@ -124,5 +127,8 @@ def _details(grey: np.ndarray) -> np.ndarray:
 
 
 def _as_bright(rgb: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """In the light of the first picture. What is too bright for the camera may be any brighter there, as bright as it
+    was then."""
     light = light_between(in_squares(first), in_squares(rgb), rgb.shape[1::-1])
-    return np.asarray((rgb * light[..., None]).round().clip(0, 255), np.uint8)
+    bright = np.asarray((rgb * light[..., None]).round().clip(0, 255), np.uint8)
+    return np.where(rgb >= BRIGHTEST, np.maximum(bright, first), bright)

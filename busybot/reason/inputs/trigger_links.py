@@ -129,13 +129,18 @@ class LinkWatch:
     def __init__(self, observed: ObservedEpisode, calm: ObservedEpisode | None = None):
         self._observed, self._calm = observed, calm
 
-    def first(self, steps: int) -> ObservedLinks:
-        """What pictures show in the first so many actions."""
+    def first(self, steps: int, effects: tuple[bool, ...] | None = None) -> ObservedLinks:
+        """What pictures show in the first so many actions.
+
+        Args:
+            effects: after which of these any responder changed. Before a camera that is not still that helps to tell
+                which ones moved a link; None if nobody knows.
+        """
         observed = self._observed.first(steps + 1)
         unsteady = len(pictures_of(observed)) > self._still
         acted = self._acted[:steps]
         views = self._unsteady.views(acted) if unsteady else self._views
-        return _links_of(observed, views, acted, unsteady)
+        return _links_of(observed, views, acted, unsteady, None if effects is None else np.array(effects, bool))
 
     @cached_property
     def _acted(self) -> np.ndarray:
@@ -155,7 +160,13 @@ class LinkWatch:
         return still_views(self._observed)
 
 
-def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.ndarray, unsteady: bool) -> ObservedLinks:
+def _links_of(
+    observed: ObservedEpisode,
+    views: Mapping[int, View],
+    acted: np.ndarray,
+    unsteady: bool,
+    effects: np.ndarray | None = None,
+) -> ObservedLinks:
     contacts = np.array([one.position for one in observed.actions], float).reshape(-1, 3)
     pushed = (actions_of if unsteady else pushes_of)(observed)[:, 3:]
     clusters = np.full(len(acted), -1)
@@ -175,7 +186,8 @@ def _links_of(observed: ObservedEpisode, views: Mapping[int, View], acted: np.nd
         for group, own, tried in zip(groups, _own_pixels(groups), tries, strict=True):
             looks = np.array([one[own].ravel() for one in pictures], np.float32)
             if unsteady:
-                links.append(_link_by_moves(group, looks[frames], tried, own))
+                followed = None if effects is None else effects[tried]
+                links.append(_link_by_moves(group, looks[frames], tried, own, followed))
             else:
                 links.append(_Link(tried, _states(looks)[frames], _changed(group), own))
         moving = [one for one in links if (one.states[one.steps] != one.states[one.steps + 1]).any()]
@@ -248,7 +260,9 @@ def _tries(groups: Sequence[Sequence[Move]], touched: np.ndarray, contacts: np.n
     return found
 
 
-def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, own: np.ndarray) -> _Link:
+def _link_by_moves(
+    group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, own: np.ndarray, effects: np.ndarray | None
+) -> _Link:
     """A link before a camera that is not still: its pixels are read along the one or two ways in which its moves change
     them together, and how it stands is told by all pictures between two tries, and by that most of these move it.
 
@@ -256,6 +270,7 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, 
         looks: float32 (F, C), of the pixels that tell it in each frame.
         tries: actions that may have moved it.
         own: bool (h, w), where these pixels are.
+        effects: bool, after which of these any responder changed; None if nobody knows.
     """
     steps = _steps(group)
     changes = looks[steps + 1] - looks[steps]
@@ -267,8 +282,10 @@ def _link_by_moves(group: Sequence[Move], looks: np.ndarray, tries: np.ndarray, 
     first = np.array([np.bincount(alike[start:end]).argmax() for start, end in pairwise(ends)])
     moved = np.append(False, np.isin(tries, steps))
     change = float(np.median(np.linalg.norm(changes @ used.T, axis=1)))
-    starts = numbered(first), np.arange(len(shown)) % 2, np.cumsum(moved) % 2
-    cost, found = min((tracked(shown, start, change) for start in starts), key=itemgetter(0))
+    starts = [numbered(first), np.arange(len(shown)) % 2, np.cumsum(moved) % 2]
+    if effects is not None:
+        starts.append(np.append(0, np.cumsum(effects)) % 2)
+    cost, found = min((tracked(shown, start, change, effects) for start in starts), key=itemgetter(0))
     if np.isinf(cost):
         found = starts[0]
     if len(group) == 1 and not lasts(shown, found, change):

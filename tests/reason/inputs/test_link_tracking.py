@@ -26,6 +26,19 @@ def test_a_try_that_moves_nothing_is_seen_and_three_states_have_to_be_worth_it()
     assert np.isinf(tracked(shown, np.zeros(9, int), 1.0)[0]), "what never moved has no two states"
 
 
+def test_responders_that_change_tell_that_a_link_moved() -> None:
+    """A picture hardly shows a move, if it does; that is told by whether responders changed with it, as far as
+    they do with other moves."""
+    looks, every = np.array([0, 1, 0, 0.3, 0, 1, 0, 1])[:, None], np.array([1, 1, 1, 1, 1, 1, 1], bool)
+    moved, stayed = [0, 1, 0, 1, 0, 1, 0, 1], [0, 1, 0, 0, 0, 1, 0, 1]
+    neither = np.array([1, 1, 0, 0, 1, 1, 1], bool)
+    start = np.array(moved)
+    assert tracked(looks, start, 1.0, every)[1].tolist() == moved
+    assert tracked(looks, start, 1.0, neither)[1].tolist() == stayed
+    flickers = tracked(looks[:3], start[:3], 1.0, np.array([False, True]))[1]
+    assert flickers.tolist() == moved[:3], "pictures that show it are believed"
+
+
 def test_what_drifts_by_less_than_a_move_changes_is_no_move() -> None:
     """Looks of .02 apart, two by two, are two states of a link whose moves change as much, and one of another one."""
     shown, states = np.array([0, 0.02, 0, 0.02, 0, 0.02])[:, None], np.arange(6) % 2

@@ -11,7 +11,7 @@ from busybot.episodes.episode import Image
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
-from busybot.reason.inputs.steady import Steady, steadied
+from busybot.reason.inputs.steady import Steady, _as_bright, steadied
 from busybot.reason.inputs.trigger_links import LinkWatch
 from busybot.reason.inputs.trigger_views import USUAL, _usual
 from tests.reason.inputs.test_trigger_links import MOVES, observe_links, played, pressed
@@ -153,3 +153,15 @@ def test_noise_is_what_most_pictures_stay_within() -> None:
         expected = np.nan_to_num(np.nanquantile(away, USUAL, axis=0))
     np.testing.assert_array_equal(_usual(away), expected)
     assert not _usual(away)[0, 0].any() and _usual(away).dtype == np.float32
+
+
+def test_what_is_too_bright_for_the_camera_does_not_darken_in_another_light() -> None:
+    """A white switch on a board of which a brighter picture was taken looks white in the light of the first one; what
+    covers it does not."""
+    first = np.full((90, 120, 3), 120, np.uint8)
+    first[30:60, 40:80] = 252
+    brighter = np.minimum(first.astype(int) * 13 // 10, 255).astype(np.uint8)
+    brighter[40:50, 50:60] = 60
+    back = _as_bright(brighter, first)
+    assert abs(back.astype(int)[:20] - 120).max() <= 2 and back[32:38, 42:78].min() >= 250
+    assert back[42:48, 52:58].max() < 60

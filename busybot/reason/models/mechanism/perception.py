@@ -13,7 +13,7 @@ from busybot.reason.inputs.sequence import BoardSequence, clusters_of, hidden_lo
 from busybot.reason.inputs.trigger_links import REACH, ObservedLinks, directions_of
 from busybot.reason.models.mechanism.contexts import STATES, Trace
 
-STILL, APART, SHARE = 0.5, 2.25, 0.45
+STILL, APART, SHARE = 0.25, 2.75, 0.45
 """Under a camera that is not still: in so large a share of the steps a responder rests, two of its looks differ by so
 many times what they do then, and by so large a share of what its most different ones do."""
 
@@ -173,9 +173,13 @@ def _perceived(seen: BoardSequence, encoder: str) -> Perceived:
         np.stack([seen.features[states == state, index].mean(0) for state in range(int(states.max()) + 1)])
         for index, states in zip(responders, shown.T, strict=True)
     )
-    links = _with_felt(links, seen, (shown[1:] != shown[:-1]).any(1))
+    effects, hidden = shown[1:] != shown[:-1], None
+    if links.steadied and seen.watch is not None:
+        hidden = hidden_looks(seen.features[:, responders], few=0)
+        effects &= ~hidden[1:] & ~hidden[:-1]  # what it led to behind a hand, nobody knows
+        links = seen.watch(seen.steps, tuple(effects.any(1).tolist()))
+    links = _with_felt(links, seen, effects.any(1))
     actions = seen.actions if links.pushed is None else np.hstack([seen.actions[:, :3], links.pushed])
-    hidden = hidden_looks(seen.features[:, responders], few=0) if links.steadied else None
     return Perceived(Trace(links.states, shown, links.sizes, hidden), links, responders, looks, actions, seen.acted)
 
 

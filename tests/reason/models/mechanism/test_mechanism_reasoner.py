@@ -387,7 +387,7 @@ def test_boards_that_lack_triggers_or_responders_are_answered(
     for role, own in (("trigger", watched.triggers), ("responder", watched.responders)):
         kept |= own & (role in there)
 
-    def watch(steps: int) -> ObservedLinks:
+    def watch(steps: int, effects: tuple[bool, ...] | None = None) -> ObservedLinks:
         links = ObservedLinks(
             np.full(steps, -1), np.zeros((steps + 1, 0), int), np.zeros(0, int), np.zeros((0, 2)), directions=()
         )
@@ -414,7 +414,7 @@ def test_what_a_hand_hides_before_a_real_camera_tells_nothing(watched: BoardSequ
     hidden, noise = slice(7, 9), np.random.default_rng(0).normal(0, 1e-3, watched.features.shape).astype(np.float32)
     features = np.where(watched.responders[:, None], watched.features + noise, 0)
     features[hidden, 1] = features[hidden.start - 1, 1]
-    looks = {"features": features, "watch": lambda steps: replace(watched.watch(steps), steadied=True)}
+    looks = {"features": features, "watch": lambda steps, effects=None: replace(watched.watch(steps), steadied=True)}
     seen = BoardSequence(**watched.arrays | looks)
     trace = perceive(seen, "embedded").trace
     assert trace.hidden is not None and np.argwhere(trace.hidden).tolist() == [[7, 0], [8, 0]]

@@ -31,8 +31,7 @@ EXPLAINED = {
 }
 KNOWN = {
     NO_COMMIT: {
-        *("decision_time", "interact-procedural", "laptop/metrics", "paper_interact", "plan-procedural"),
-        *("policy_constants", "reason_robustness"),
+        *("decision_time", "laptop/metrics", "paper_interact", "policy_constants", "reason_robustness"),
     },
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),

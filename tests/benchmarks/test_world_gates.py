@@ -224,7 +224,8 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
            for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
                               ("lock-plans-curious", {}))},
-        "camera-gates": {world: {"novel-object": seeds} for world in ("paper", "mixed")},
+        **{name: {world: {"novel-object": seeds} for world in ("paper", "mixed")}
+           for name in gate_tables.BEFORE_A_CAMERA},
     }  # fmt: skip
     monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name]})
     lines = [line.strip("|").split("|") for line in gate_tables.further_gates().strip().splitlines()[2:]]
@@ -260,6 +261,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     assert told["lock, depth 1 to 4, scripted histories: goals reached"] == of_seen
     assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"
     assert told["mixed, a real camera, novel-object: F1 of links behind the bound, 30"] == "3.0 (3.0) ✓"
+    assert told["paper, a real camera, curious policy, novel-object: Pred-A"] == "90.0 (90.0) ✓"
 
 
 @pytest.mark.long

@@ -8,17 +8,16 @@ from busybot.interact.policy.policy_factory import DEFAULT_MODEL, policy_config
 from busybot.training.model_cards import file_hashes
 
 RESULT = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "interact-procedural.json"
-ROW = json.loads(RESULT.read_text())["rows"]["free-0"]
+ROW = json.loads(RESULT.read_text())["rows"]["shipped"]
 KEYS = ("precision", "recall", "precision_exploring")
 CARD = "README.md"
 
 
 def test_the_card_has_the_results_numbers() -> None:
-    card, cost = (find_model(DEFAULT_MODEL) / CARD).read_text(), ROW["training"]["cost"]
+    card = (find_model(DEFAULT_MODEL) / CARD).read_text()
     for split in ("novel-config", "novel-object"):
         cells = " | ".join(f"{100 * ROW[split][key]:.1f}" for key in KEYS)
         assert f"| {split} | {cells} |" in card
-    assert f"{cost['seconds'] / 60:.0f} minutes and at most {cost['megabytes'] / 1000:.1f} GB" in card
     missed = sum(link["missed"] for link in ROW["novel-object"]["missed_links"].values())
     assert f"Of {missed} links" in card
     assert f"Of its {sum(ROW['novel-object']['failures_by_cause'].values())} failures" in card
@@ -30,6 +29,5 @@ def test_the_model_is_the_one_that_was_judged() -> None:
     assert policy_config(load_model(DEFAULT_MODEL).info, {}).after_failure is not None
 
 
-def test_it_is_small_and_was_trained_in_45_minutes() -> None:
+def test_it_is_small() -> None:
     assert sum(path.stat().st_size for path in find_model(DEFAULT_MODEL).iterdir()) < 5_000_000
-    assert ROW["training"]["cost"]["seconds"] < 45 * 60 and ROW["training"]["cost"]["megabytes"] < 4000

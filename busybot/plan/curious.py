@@ -106,8 +106,10 @@ class Watched:
             self._see(Frame(after.rgb, after.depth))
 
     def sequence(self) -> BoardSequence:
-        calm = replace(self.observed, images=self._calm, image_of=tuple(range(len(self._calm))))
-        return sequence_of(self.observed, np.stack(self._features), calm if self._steadied else None)
+        calm = None
+        if self._steadied:
+            calm = replace(self.observed, images=self._calm, image_of=tuple(range(len(self._calm))))
+        return sequence_of(self.observed, np.stack(self._features), calm)
 
 
 @dataclass(frozen=True)

@@ -125,21 +125,25 @@ class UnsteadyTriggers:
             looks = np.array([_look(frame, pixels.regions[trigger]) for frame in frames], np.float32)
             looks[hidden] = np.nan
             self._looks[trigger] = looks
+        self._latest: tuple[int, dict[int, View]] = (-1, {})
 
     def views(self, acted: np.ndarray) -> dict[int, View]:
-        """As of `still_views`, of the first so many actions.
+        """As of `still_views`, of the first so many actions; asked for the same ones again, the same.
 
         Args:
             acted: int (T,), the trigger that each of these took hold of.
         """
-        count = len(acted) + 1
-        channels = None if self._deep[:count].all() else COLOURS
-        return {
-            trigger: _calm(
-                looks[:count, ..., :channels], self._own[trigger][:count].mean(axis=0) > 0.5, acted == trigger
-            )
-            for trigger, looks in self._looks.items()
-        }
+        if self._latest[0] != len(acted):
+            count = len(acted) + 1
+            channels = None if self._deep[:count].all() else COLOURS
+            views = {
+                trigger: _calm(
+                    looks[:count, ..., :channels], self._own[trigger][:count].mean(axis=0) > 0.5, acted == trigger
+                )
+                for trigger, looks in self._looks.items()
+            }
+            self._latest = len(acted), views
+        return self._latest[1]
 
 
 def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:

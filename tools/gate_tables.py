@@ -428,10 +428,13 @@ def _plans() -> Iterator[_Line]:
             yield _goals(f"{place}: goals reached", 0.93, played, moved)
             gates = [_Gate("", one["steps_over_shortest"], 1.3, False) for one in played]
             yield f"{place}: steps over the shortest plan", ("at most 1.3", _times_cell(gates))
-    for file, history in (("lock-plans", "scripted"), ("lock-plans-curious", "curious")):
+    for file in ("lock-plans", "lock-plans-curious", "lock-plans-longer"):
+        found = result(file)
+        history = f"{found.get('history', 'scripted')} histories"
+        history += f" of {found['steps']} actions" if file == "lock-plans-longer" else ""
         for name, limit in (("lock-1-to-4", 0.9), ("lock-5-to-8", 0.7)):
-            told = result(file)["rows"][name]
-            words = f"{name.replace('-', ' ').replace('lock', 'lock, depth', 1)}, {history} histories: goals reached"
+            told = found["rows"][name]
+            words = f"{name.replace('-', ' ').replace('lock', 'lock, depth', 1)}, {history}: goals reached"
             yield _goals(words, limit, _played(told), _where_all_moved(told))
 
 

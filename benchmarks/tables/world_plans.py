@@ -15,7 +15,8 @@ policy records 30 actions on each (an oracle of contacts), and agents play from 
 agents (`--learned`) play where they can practise: in `gates` and `lock`, whose boards show what their links say.
 
 Who records may be another policy (`--history`): `learned`, or `curious`, which asks MODEL what would tell most, each
-with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows.
+with the interaction model of `--policy`. What is behind locks that nobody opened, no agent knows; more recorded actions
+(`--steps`) open more.
 
 All agents are compared with `mechanism`, task by task (`compared`). Trainings of the same variant from other seeds
 (`--seeds`) play the same tasks with the same histories, and stand by themselves.
@@ -69,7 +70,8 @@ DETAILS = (
 
 def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     """That make the tasks of a world, or of one of `LOCKS`, record their histories and let agents play."""
-    tasks, assets = options.work / f"{name}-{options.history}", ("--assets", options.assets)
+    longer = "" if options.steps == STEPS else f"-{options.steps}"
+    tasks, assets = options.work / f"{name}-{options.history}{longer}", ("--assets", options.assets)
     seeing = ("--policy", options.history, *option("--model", options.policy))
     seeing += ("--reasoner", str(options.model)) if options.history == "curious" else ()
     drawn = generating(tasks, "train", options.boards, SEED, options.assets)
@@ -81,7 +83,7 @@ def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     players += [("learned", ",".join(options.learned), ())] if options.learned and name in PRACTISED else []
     return [
         (*drawn, "--world", "lock" if name in LOCKS else name, "--tasks", "reach", *LOCKS.get(name, ())),
-        ("collect", str(tasks), *seeing, "--steps", str(STEPS), "--seed", str(SEED), *assets),
+        ("collect", str(tasks), *seeing, "--steps", str(options.steps), "--seed", str(SEED), *assets),
         *((*playing, "--agents", agents, *reasoner, "--out", f"{tasks}-{who}") for who, agents, reasoner in players),
     ]
 
@@ -90,8 +92,9 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every world."""
     options.work.mkdir(parents=True, exist_ok=True)
     rows, typed = told_rows(options.out, KIND), []
-    if options.out.exists() and read_json(options.out).get("history", "scripted") != options.history:
-        raise UsageError(f"{options.out}: its histories were recorded by another policy", "name another file")
+    told_before = read_json(options.out) if options.out.exists() else {}
+    if told_before and _histories(told_before) != (options.history, options.steps):
+        raise UsageError(f"{options.out}: its histories are of another policy or length", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
     names |= {str(seed): seed.name.upper() for seed in options.seeds}
@@ -115,9 +118,15 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         yield {
             "assets": assets_name(options.assets),
             "history": options.history,
+            "steps": options.steps,
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
+
+
+def _histories(told: dict[str, Any]) -> tuple[str, int]:
+    """Who recorded, and how many actions; older results do not tell it."""
+    return told.get("history", "scripted"), told.get("steps", STEPS)
 
 
 def seeded(playing: tuple[str, ...], seeds: list[Path]) -> dict[str, tuple[str, ...]]:
@@ -154,7 +163,7 @@ def _grouped(told: list[dict[str, dict[str, Any]]]) -> dict[str, dict[str, Any]]
     return {group: {name: share for one in told for name, share in one[group].items()} for group in told[0]}
 
 
-def main(words: list[str] | None = None) -> None:
+def parsed(words: list[str] | None) -> argparse.Namespace:
     options = parser(__doc__)
     options.add_argument("--model", type=Path, required=True, help="trained model of the variant mechanism")
     options.add_argument("--work", type=Path, required=True, help="for tasks, histories and evaluations")
@@ -163,10 +172,15 @@ def main(words: list[str] | None = None) -> None:
         "--history", choices=("scripted", "learned", "curious"), default="scripted", help="who records"
     )
     options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
+    options.add_argument("--steps", type=int, default=STEPS, help="recorded actions on each board")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
     options.add_argument("--learned", nargs="*", default=[], help="learned agents, as bc=FOLDER")
     options.add_argument("--seeds", nargs="*", type=Path, default=[], help="the variant trained from other seeds")
-    arguments = options.parse_args(words)
+    return options.parse_args(words)
+
+
+def main(words: list[str] | None = None) -> None:
+    arguments = parsed(words)
     models = {"mechanism": arguments.model, **{seed.name: seed for seed in arguments.seeds}}
     hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
     for result in measured(arguments):

@@ -223,11 +223,12 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
            for name in ("world-plans", "world-plans-curious")},
         **{name: {locks: {"agents": {"mechanism": plans}, **more} for locks in ("lock-1-to-4", "lock-5-to-8")}
            for name, more in (("lock-plans", {"by_unmoved": {"0": {"tasks": 3, "mechanism": 1.0}}}),
-                              ("lock-plans-curious", {}))},
+                              ("lock-plans-curious", {}), ("lock-plans-longer", {}))},
         **{name: {world: {"novel-object": seeds} for world in ("paper", "mixed")}
            for name in gate_tables.BEFORE_A_CAMERA},
     }  # fmt: skip
-    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name]})
+    recorded = {"lock-plans-curious": {"history": "curious"}, "lock-plans-longer": {"history": "curious", "steps": 60}}
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files[name], **recorded.get(name, {})})
     lines = [line.strip("|").split("|") for line in gate_tables.further_gates().strip().splitlines()[2:]]
     told = {line[0].strip(): line[2].strip() for line in lines}
     assert told["gates, states told: actions until 95, to those of random choice"] == "10 to 10: 1.00 ✗"
@@ -240,6 +241,7 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
         and told["time, curious histories: steps over the shortest plan"] == "-"
     )
     assert told["lock, depth 5 to 8, curious histories: goals reached"] == "95.0 ✓"
+    assert told["lock, depth 5 to 8, curious histories of 60 actions: goals reached"] == "95.0 ✓"
     late = {"until": 12, "f1": [0.5] * 40, "stops": {"boards": 5, "wrong": 0}}
     files["curiosity"]["gates"] |= {
         "seeds": {

@@ -5,24 +5,38 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.tables.world_plans import commands, compared, seeded
+from benchmarks.tables.world_plans import STEPS, commands, compared, measured, parsed, seeded
+from busybot.common.errors import UsageError
 from busybot.evaluation.folder import BOARDS
 from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
 
 
+OPTIONS = {
+    "work": Path("w"), "history": "scripted", "steps": STEPS, "policy": None, "assets": "procedural", "boards": 1,
+    "model": "mechanism", "learned": ["bc=b", "ppo=p"],
+}  # fmt: skip
+
+
 def players(world: str) -> list[str]:
     """The agents of each evaluation."""
-    options = Namespace(
-        work=Path("w"), history="scripted", policy=None, assets="procedural", boards=1, model="mechanism",
-        learned=["bc=b", "ppo=p"],
-    )  # fmt: skip
-    return [words[words.index("--agents") + 1] for words in commands(world, options) if "--agents" in words]
+    asked = commands(world, Namespace(**OPTIONS))
+    return [words[words.index("--agents") + 1] for words in asked if "--agents" in words]
 
 
 def test_the_papers_agents_play_everywhere_learned_ones_where_they_can_practise() -> None:
     ours, others = players("time")
     assert ours == "mechanism" and {"relation", "predictive", "busybot", "search"} < set(others.split(","))
     assert players("gates") == players("lock-5-to-8") == [ours, others, "bc=b,ppo=p"]
+
+
+def test_longer_histories_lie_in_folders_of_their_own_and_in_a_result_of_their_own(tmp_path: Path) -> None:
+    collect = commands("lock", Namespace(**OPTIONS | {"steps": 60}))[1]
+    assert collect[:2] == ("collect", "w/lock-scripted-60") and collect[collect.index("--steps") + 1] == "60"
+    out = tmp_path / "result.json"
+    out.write_text('{"kind": "world-plans", "history": "scripted", "rows": {}}')
+    words = ["--model", "m", "--work", str(tmp_path), "--assets", "procedural", "--out", str(out), "--steps", "60"]
+    with pytest.raises(UsageError, match="of another policy or length"):
+        next(measured(parsed(words)))
 
 
 def test_other_trainings_play_the_same_tasks_into_folders_of_their_own() -> None:

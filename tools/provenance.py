@@ -2,8 +2,8 @@
 
 New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
 machine; all its rows are of one commit, and if they were trained by another one, on another machine, all by the same;
-and it has hashes of the models, boards or recordings that it is about, unless its kind is about none. `KNOWN` lists the
-others; it may only become shorter.
+and it, or each of its rows, has hashes of the models, boards or recordings that it is about, unless its kind is about
+none. `KNOWN` lists the others; it may only become shorter.
 """
 
 import json
@@ -21,22 +21,25 @@ HERE = Path(__file__).parent
 NO_COMMIT, CHANGED, SOME_ROWS = "names no commit", "changes were not committed", "some rows name no commit"
 SEVERAL, NO_HASHES = "rows of several commits", "has no hashes of what it is about"
 ABSENT = "its commit is not in this history"
+NO_MACHINE = "names no machine"
 EXPLAINED = {
     NO_COMMIT: "made before results named their commit",
     CHANGED: "made, or some of their rows, by a commit with changes that were not committed",
     SOME_ROWS: "some of their rows name no commit",
     ABSENT: "their commit, or that of some of their rows, is not in the history as it is today",
     SEVERAL: "their rows are of several commits, which they name",
+    NO_MACHINE: "made before results of their kind named the machine",
     NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
 }
 KNOWN = {
     NO_COMMIT: {
-        *("decision_time", "laptop/metrics", "paper_interact", "policy_constants", "reason_robustness"),
+        *("paper_interact", "policy_constants", "reason_robustness"),
     },
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
     },
-    SEVERAL: {"table1"},
+    SEVERAL: {"hostile", "table1"},
+    NO_MACHINE: {"same-results/before"},
     NO_HASHES: {"mechanism-ablations"},
 }
 """Results that were there before that was asked of them."""
@@ -53,6 +56,8 @@ ABOUT_NOTHING = (
 )
 """Kinds that measure commands alone, or what is drawn at random."""
 TRAINING = "training"
+ROWS = ("rows", "kinds")
+"""Where a result has its rows."""
 DIGEST = re.compile(r'"[0-9a-f]{64}"')
 
 
@@ -93,14 +98,17 @@ def _history() -> set[str] | None:
 
 
 def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
-    commit, rows, made = told.get("commit"), told.get("rows"), told.get("made", {})
+    commit, made = told.get("commit"), told.get("made", {})
     if commit is None:
         return NO_COMMIT
+    if not told.get("machine"):
+        return NO_MACHINE
     if any(str(one).endswith("-dirty") for one in (commit, *(part["commit"] for part in made.values()))):
         return CHANGED
     if history is not None and not {one for one, _ in _commits(told)} - {None} <= history:
         return ABSENT
-    rows = rows if isinstance(rows, dict) else {}
+    found = next((told[name] for name in ROWS if told.get(name)), {})
+    rows = found if isinstance(found, dict) else {str(place): row for place, row in enumerate(found)}
     told_of = {name: list(_commits(row)) for name, row in rows.items()}
     trained = {commit for found in told_of.values() for commit, training in found if training}
     named = {
@@ -111,7 +119,13 @@ def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
         return SOME_ROWS
     if len(trained) > 1 or len(set().union(*named.values())) > 1:
         return SEVERAL
-    return None if told["kind"] in ABOUT_NOTHING or DIGEST.search(json.dumps(told)) else NO_HASHES
+    beside = {name: value for name, value in told.items() if name not in ROWS}
+    hashed = _hashed(beside) or (bool(rows) and all(map(_hashed, rows.values())))
+    return None if told["kind"] in ABOUT_NOTHING or hashed else NO_HASHES
+
+
+def _hashed(value: Any) -> bool:
+    return DIGEST.search(json.dumps(value)) is not None
 
 
 def _made(made: dict[str, Any], row: str) -> set[str]:

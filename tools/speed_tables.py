@@ -285,19 +285,24 @@ def resnet_weights() -> str:
 
 
 def decision_time() -> str:
-    """Milliseconds of every agent: the mean, and what 95 % of its decisions stay below; the gate is for the mean."""
-    told = result("decision_time")
+    """Milliseconds of every agent of Table 3 on new objects: the mean, and what 95 % of its decisions stay below.
+
+    The gate is for the mean.
+    """
+    spent = {name: row["splits"]["novel-object"] for name, row in result("table3")["rows"].items()}
     rows = [
-        (row.words, _times([told["decisions"][row.name][kind] for kind in KINDS], told["gate_ms"]))
+        (row.words, _times([spent[row.name][kind]["timing"] for kind in KINDS]))
         for row in PLANNING.rows
-        if row.name in told["decisions"]
+        if row.name in spent
     ]
-    return markdown(
-        [Grid((), ("1-1", "1-many"), tuple(rows), f"CPU-ms for each decision, at most {told['gate_ms']:g}")]
-    )
+    return markdown([Grid((), ("1-1", "1-many"), tuple(rows), f"CPU-ms for each decision, at most {DECISION_MS:g}")])
 
 
-def _times(timings: list[dict[str, Any]], gate: float) -> tuple[Entry, ...]:
+DECISION_MS = 50.0
+"""At most, of a decision on average, as the protocol asks."""
+
+
+def _times(timings: list[dict[str, Any]]) -> tuple[Entry, ...]:
     entries = []
     for timing in timings:
         mean = timing["cpu_ms"]
@@ -306,7 +311,7 @@ def _times(timings: list[dict[str, Any]], gate: float) -> tuple[Entry, ...]:
             continue
         model = mean - timing["cpu_ms_without_model"]
         small = f"(95 %: {timing['cpu_ms_p95']:.1f}; model {model:.1f})"
-        entries.append(Entry(f"{mean:.1f}", small, "reached" if mean <= gate else "missed"))
+        entries.append(Entry(f"{mean:.1f}", small, "reached" if mean <= DECISION_MS else "missed"))
     return tuple(entries)
 
 

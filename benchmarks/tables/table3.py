@@ -3,7 +3,6 @@
     python -m benchmarks.tables.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
     python -m benchmarks.tables.table3 network --policy-model MODEL --reasoner NETWORK --work FOLDER --out FILE
     python -m benchmarks.tables.table3 procedural --work FOLDER --out benchmarks/results/plan-procedural.json
-    python -m benchmarks.tables.table3 decision-time --work FOLDER --out benchmarks/results/decision_time.json
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
 agents play them. With the first reasoner every agent plays, with the others (trained with other seeds) only those that
@@ -11,11 +10,9 @@ are ours or the paper's whole system; learned baselines, which need no reasoner,
 resumes, so this one does; a cell appears as soon as it is judged.
 
 Each agent is compared with the paper's whole system, with the same reasoner on the same tasks. `network` plays the
-paper's agents with a reasoner of the paper's architecture. By default `procedural` and `decision-time` take what ships
-with busybot: procedural objects, its policy, its model of relations. The results of `network` and `procedural` name
-their rows `agents`: a report's Table 3 is that of real objects and our own model.
-`decision-time` measures the processor time of every agent's decision on tasks of unseen objects, as `busybot eval plan`
-tells it: from the picture to the answer, with what is learned from the outcome, simulation and rendering left out.
+paper's agents with a reasoner of the paper's architecture. By default `procedural` takes what ships with busybot:
+procedural objects, its policy, its model of relations. The results of `network` and `procedural` name their rows
+`agents`: a report's Table 3 is that of real objects and our own model.
 """
 
 import argparse
@@ -42,10 +39,6 @@ AGENTS = (*OURS, "relation", "predictive", "random", "noop", "oracle", *TRUTHS)
 SPLITS = ("novel-object", "novel-config", "train")
 ORIGINS = ("dataset", "hashes", "provenance", "versions")
 PROVENANCE = ("best_iteration", "boards", "boards_held_out", "data", "held_out", "seed", "versions")
-TIMED = "novel-object"
-"""The split on which decisions are timed."""
-GATE_MS = 50.0
-"""Of a decision, on average."""
 DETAILS = (
     *("interval", "micro", "micro_intervals", "by_features", "solved", "steps", "steps_more", "step_success"),
     "failures_by_cause",
@@ -177,20 +170,5 @@ def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any
     return dict(read_result(place(options, split, kind) / RESULT, "plan")["compared"])
 
 
-def decision_time(words: list[str]) -> None:
-    options = parsed(words, policy_model=DEFAULT_MODEL, reasoner=[DEFAULT_REASONER], boards=10)
-    options.work.mkdir(parents=True, exist_ok=True)
-    typed: list[str] = []
-    agents: dict[str, Any] = {}
-    origins: dict[str, Any] = {}
-    for kind in KINDS:
-        for name, scores in cell(TIMED, kind, options, typed).items():
-            agents.setdefault(name, {})[kind] = scores["timing"]
-            print(f"{kind:12} {name:24} {scores['timing']['cpu_ms'] or 0:6.1f} ms", flush=True)
-        origins[kind] = origin(options, TIMED, kind)
-    figures = {"tasks": options.boards, "gate_ms": GATE_MS, "commands": typed, "origins": origins, "decisions": agents}
-    finish("decision-time", options, figures, seed=SEEDS[TIMED])  # every origin has hashes of its own
-
-
 if __name__ == "__main__":
-    one_of(main, network=network, procedural=procedural, decision_time=decision_time)
+    one_of(main, network=network, procedural=procedural)

@@ -79,7 +79,6 @@ KINDS = {
     "world-costs": "python -m benchmarks.speed.parts worlds",
     "drawing": "python -m benchmarks.speed.parts drawing",
     "plan-network": "python -m benchmarks.tables.table3 network",
-    "decision-time": "python -m benchmarks.tables.table3 decision-time",
     "waiting": "python -m benchmarks.speed.waiting",
     "scale": "python -m benchmarks.speed.scale",
     "reproduce": "python -m benchmarks.speed.waiting reproduce",

@@ -10,7 +10,6 @@ from busybot.common.errors import UsageError
 from busybot.evaluation.folder import BOARDS
 from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
 
-
 OPTIONS = {
     "work": Path("w"), "history": "scripted", "steps": STEPS, "policy": None, "assets": "procedural", "boards": 1,
     "model": "mechanism", "learned": ["bc=b", "ppo=p"],

@@ -10,7 +10,7 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.results import HASHED, KEYS, KINDS, commit, read_result, stamp, write_result
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
-FILES = sorted(file for file in RESULTS.rglob("*.json") if file.name != "metrics.json")  # that one is DVC's
+FILES = sorted(RESULTS.rglob("*.json"))
 
 
 def git(folder: Path, *arguments: str) -> None:

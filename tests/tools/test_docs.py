@@ -194,7 +194,11 @@ def test_decision_times_are_compared_with_the_gate(results: Path) -> None:
         "random": {"one-to-one": timing(9.0), "one-to-many": timing(50.1)},
         "noop": {"one-to-one": timing(None), "one-to-many": timing(9.0)},
     }
-    put(results, "decision_time", "decision-time", gate_ms=50.0, decisions=agents)
+    rows = {
+        name: {"splits": {"novel-object": {kind: {"timing": one} for kind, one in kinds.items()}}}
+        for name, kinds in agents.items()
+    }
+    put(results, "table3", "table3", rows=rows)
     rows = rows_of(speed_tables.decision_time())
     assert rows["**search over learned effects**"] == ["9.0 (95 %: 18.0; model 4.0) ✓"] * 2
     assert rows["random actions"][1] == "50.1 (95 %: 100.2; model 0.0) ✗" and rows["doing nothing"][0] == "-"
@@ -355,8 +359,8 @@ def test_a_commit_that_is_gone_is_told_also_where_nobody_can_tell(
     """A shallow clone says of it what the list says, or its pages would be others."""
     monkeypatch.setattr(provenance, "KNOWN", {provenance.ABSENT: {"gone"}})
     monkeypatch.setattr(provenance, "_history", lambda: history)
-    put(results, "gone", "s3", commit="b1")
-    put(results, "there", "s3", commit="a1")
+    put(results, "gone", "s3", commit="b1", machine={"cores": 2})
+    put(results, "there", "s3", commit="a1", machine={"cores": 2})
     told = provenance.part()
     assert "history as it is today (1): `gone`" in told and "there" not in told
 
@@ -365,22 +369,37 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
     known = {provenance.NO_COMMIT: {"old"}, provenance.SOME_ROWS: {"some"}, provenance.NO_HASHES: {"bare"}}
     monkeypatch.setattr(provenance, "KNOWN", known)
     monkeypatch.setattr(provenance, "_history", lambda: {"a0", "a1", "a2"})
-    data = {"hashes": {"data": {"a": "ab" * 32}}}
+    data: dict[str, Any] = {"machine": {"cores": 2}, "hashes": {"data": {"a": "ab" * 32}}}
+    machine = {"machine": data["machine"]}
     put(results, "old", "table1", commit=None)
-    put(results, "some", "table1", commit="a1", rows={"first": {"config": {"commit": "a0"}}, "other": {}})
+    some = {"first": {"config": {"commit": "a0"}}, "other": {}}
+    put(results, "some", "table1", commit="a1", rows=some, **machine)
     put(results, "new", "table1", commit="a1", rows={"first": {"config": [{"commit": "a0"}]}}, **data)
-    put(results, "bare", "table1", commit="a1", rows={})
-    put(results, "timed", "scale", commit="a1")
+    put(results, "bare", "table1", commit="a1", rows={}, **machine)
+    put(results, "timed", "scale", commit="a1", **machine)
     told = provenance.part()
     assert "results named their commit (1): `old`" in told and "name no commit (1): `some`" in told
     assert "from their seeds (1): `bare`" in told and "new" not in told and "timed" not in told
-    put(results, "changed", "s3", commit="a1-dirty")
+    put(results, "changed", "s3", commit="a1-dirty", **machine)
     with pytest.raises(BusybotError, match="changed: changes were not committed"):
         provenance.part()
-    put(results, "changed", "s3", commit="b1")
+    put(results, "changed", "s3", commit="b1", **machine)
     with pytest.raises(BusybotError, match="changed: its commit is not in this history"):
         provenance.part()
-    put(results, "changed", "s3", commit="a1")
+    put(results, "changed", "s3", commit="a1", machine=None)
+    with pytest.raises(BusybotError, match="changed: names no machine"):
+        provenance.part()
+    put(results, "changed", "s3", commit="a1", **machine)
+    hashed = {"first": {"model": "ab" * 32}}
+    for name, rows in (("added", {**hashed, "other": {}}), ("listed", [*hashed.values(), {}])):
+        put(results, name, "table1", commit="a1", rows=rows, **machine)
+        with pytest.raises(BusybotError, match=f"{name}: has no hashes of what it is about"):
+            provenance.part()
+        put(results, name, "table1", commit="a1", rows=hashed, **machine)
+    put(results, "kinds", "s3", commit="a1", kinds={"first": {"commit": "a1"}, "other": {"commit": "a2"}}, **machine)
+    with pytest.raises(BusybotError, match="kinds: rows of several commits"):
+        provenance.part()
+    (results / "kinds.json").unlink()
     made = {"first": {"commit": "a1"}, "other/part": {"commit": "a2"}}
     put(results, "grown", "table1", commit="a2", rows={"first": {}, "other": {}}, made=made, **data)
     with pytest.raises(BusybotError, match="grown: rows of several commits"):

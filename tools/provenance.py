@@ -33,7 +33,7 @@ EXPLAINED = {
 }
 KNOWN = {
     NO_COMMIT: {
-        *("paper_interact", "policy_constants", "reason_robustness"),
+        *("paper_interact", "reason_robustness"),
     },
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),

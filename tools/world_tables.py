@@ -150,16 +150,17 @@ def _scores(scores: dict[str, Any] | None) -> str:
 
 def bounds_symbolic() -> str:
     """Of symbolic boards, the share of responders whose parents, and whose mechanism, is known after some actions."""
-    measures, lines = ("parents", "mechanism"), []
     rows = {
         (links, choice): row
         for links, told in result("bounds")["rows"]["table"].items()
         for choice, row in told.items()
     }
-    for (links, choice), row in rows.items():
-        lines.append((f"{links}, {choice}", [" / ".join(_after(row[measure]).values()) for measure in measures]))
-    when = " / ".join(next(iter(rows.values()))["parents"])
-    return markdown([plain_grid([f"{measure} after {when}" for measure in measures], lines, "links, choice")])
+    blocks = []
+    for measure in ("parents", "mechanism"):
+        cells = {name: _after(row[measure], row["boards"]) for name, row in rows.items()}
+        lines = [(f"{links}, {choice}", list(told.values())) for (links, choice), told in cells.items()]
+        blocks.append(plain_grid(tuple(next(iter(cells.values()))), lines, f"{measure}: links, choice"))
+    return markdown(blocks)
 
 
 def orientation() -> str:
@@ -227,7 +228,7 @@ def bounds_worlds() -> str:
         for world, splits in rows.items():
             for split, choices in splits.items():
                 for choice, row in choices.items():
-                    told = _after(row[measure], "f1" if measure in ("link", "object") else "")
+                    told = _after(row[measure], row["boards"], "f1" if measure in ("link", "object") else "")
                     heads = tuple(told)
                     lines.append((f"{world}, {split}, {choice}", list(told.values())))
         blocks.append(plain_grid(heads, lines, words))
@@ -373,7 +374,7 @@ def proposed_boxes() -> str:
     lines, found = [], []
     for world, reasoners in result("proposed-boxes")["rows"].items():
         for name, ways in reasoners.items():
-            cells = [" / ".join(percent(one[key]) for one in ways.values()) for key in keys]
+            cells = [" / ".join(_measured(one, key) for one in ways.values()) for key in keys]
             lines.append((f"{world}: {name}", cells))
         told = next(iter(reasoners.values()))["proposed"]
         shares = ("proposal_r", "proposal_r_triggers", "proposal_r_responders", "proposal_p")
@@ -384,13 +385,19 @@ def proposed_boxes() -> str:
     )
 
 
+def _measured(one: dict[str, Any], key: str) -> str:
+    """A share, with its interval over objects and their boards where the evaluation tells it."""
+    within = one.get("object_intervals", {}).get(key)
+    return percent(one[key]) + (f" [{whole(within[0])}-{whole(within[1])}]" if within and one[key] is not None else "")
+
+
 def exploring() -> str:
     """What the exact observer knows of links after random, coverage-first and greedy choice."""
     lines = []
     for world, parts in result("worlds")["rows"].items():
         if "exploring" in parts:
             told = parts["exploring"].values()
-            lines.append((world, [" / ".join(_after(one["link"], "f1").values()) for one in told]))
+            lines.append((world, [" / ".join(_after(one["link"], one["boards"], "f1").values()) for one in told]))
     return markdown([plain_grid(("random", "coverage first", "greedy"), lines, "F1 of links after 10 / 22 / 30")])
 
 
@@ -403,10 +410,13 @@ def curiosity() -> str:
             for choice, told in parts[part].items():
                 most, (low, high) = len(told["f1"]), told["until_interval"]
                 until = [f"over {most}" if one > most else f"{one:.0f}" for one in (told["until"], low, high)]
-                shares = " / ".join(f"{100 * told['f1'][after - 1]:.0f}" for after in (10, 22, 30))
+                least, greatest = (whole(end) for end in told["f1_interval"][21])
+                shares = [whole(told["f1"][after - 1]) for after in (10, 22, 30)]
+                shares[1] += f" ({least}-{greatest})"
                 stops = told.get("stops")
                 knows = f"{stops['boards']} ({stops['wrong']})" if stops else "-"
-                entries = [str(told["boards"]), f"{until[0]} ({until[1]} to {until[2]})", shares, knows]
+                times = f"{until[0]} ({until[1]} to {until[2]})"
+                entries = [str(told["boards"]), times, " / ".join(shares), knows]
                 lines.append((f"{world}, {part}: {choice}", entries))
     heads = ("boards", "actions until 95", "F1 after 10 / 22 / 30", "knows (wrong)")
     regrets = [
@@ -443,7 +453,7 @@ def ablations() -> str:
     told, lines = result("mechanism-ablations"), []
     for name, words in ((name, words) for name, words in ABLATIONS.items() if name in told["rows"]):
         row = told["rows"][name]["worlds"]
-        cells = [" / ".join(f"{100 * one['share']:.0f}" for one in row[world].values()) for world in told["judged"]]
+        cells = [_ablated(row[world]) for world in told["judged"]]
         everywhere = row["all"]["22"]
         ahead = _more(everywhere)
         boards = told["rows"][name]["boards"]
@@ -451,6 +461,13 @@ def ablations() -> str:
         lines.append((named, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))
     heads = (*told["judged"], "all, after 22", "points to the whole (95 %)")
     return markdown([plain_grid(heads, lines, "F1 of links after 10 / 22 / 30")])
+
+
+def _ablated(told: dict[str, Any]) -> str:
+    """F1 after each number of actions, the middle one with its interval over boards."""
+    first, middle, last = told.values()
+    low, high = (whole(end) for end in middle["interval"])
+    return f"{whole(first['share'])} / {whole(middle['share'])} ({low}-{high}) / {whole(last['share'])}"
 
 
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}
@@ -470,7 +487,13 @@ def _area(one: dict[str, Any]) -> str:
     return f"{percent(one['area'])} ({percent(low)}-{percent(high)})"
 
 
-def _after(told: dict[str, Any], key: str = "") -> dict[str, str]:
-    """Shares in whole percent by number of actions."""
-    shares = {actions: (one[key] if key else one)["share"] for actions, one in told.items()}
-    return {actions: "-" if share is None else f"{100 * share:.0f}" for actions, share in shares.items()}
+def _after(told: dict[str, Any], boards: int, key: str = "") -> dict[str, str]:
+    """Shares in whole percent with their intervals, by number of actions; of all or none exactly, over so many boards."""
+    return {actions: _share_within(one[key] if key else one, boards) for actions, one in told.items()}
+
+
+def _share_within(one: dict[str, Any], boards: int) -> str:
+    if one["share"] is None:
+        return "-"
+    low, high = exact(one["share"], one["interval"], boards)
+    return f"{whole(one['share'])} ({whole(low)}-{whole(high)})"

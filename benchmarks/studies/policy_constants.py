@@ -31,7 +31,7 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import read_result
 from busybot.interact.policy.candidates import find_candidates
-from busybot.interact.policy.config import FIXED, STRICT_POLICY, PolicyConfig
+from busybot.interact.policy.config import STRICT_POLICY, PolicyConfig
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 
 KIND, SEED = "policy-constants", 78
@@ -145,7 +145,7 @@ def main(words: list[str]) -> None:
     known = read_result(arguments.out, KIND) if arguments.out.exists() else {"training": trained}
     if known["training"] != trained:
         raise SystemExit(f"{arguments.out} has rows of another model: name another file, or remove it")
-    default = PolicyConfig().model_dump(include=set(VALUES)) | FIXED  # whose rows stay as they were measured
+    default = PolicyConfig().model_dump(include=set(VALUES))
     result: dict[str, Any] = {
         "assets": arguments.assets.name,
         "held_out": HELD_OUT,

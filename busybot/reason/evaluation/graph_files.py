@@ -3,12 +3,14 @@
 A file holds one graph, or a list of them, as JSON:
 
     {"board": 0, "model": "count", "actions": 22, "threshold": 0.5,
-     "nodes": [{"id": 0, "name": "switch 0", "role": "trigger", "box": [12, 30, 48, 66], "position": [-1.2, 0.8, 0.1]}],
+     "nodes": [{"id": 0, "name": "switch 0", "role": "trigger", "box": [12, 30, 48, 66], "position": [-1.2, 0.8, 0.1]},
+               {"id": 4, ..., "parent_sets": [{"links": ["0.1"], "objects": [], "probability": 0.97}]}],
      "links": [{"id": "0.1", "of": 0, "steps": [0, 3, 7]}],
      "edges": [{"from": 0, "to": 4, "link": null, "probability": 0.98, "claimed": true, "mechanism": null, "lag": 0}]}
 
 `box` is u0, v0, u1, v1 in the first picture, pixels; `position` in board units. A link is what some recorded actions
-took hold of, `steps` numbers them from 0; an edge whose `link` is its id is about it, others about whole objects. What
+took hold of, `steps` numbers them from 0; an edge whose `link` is its id is about it, others about whole objects. Sets
+of parents are those that decide a responder together, at the end of the recording, of links that moved. What
 a reasoner does not tell is null; pairs less probable than `LEAST` are left out. Of a graph that is read, `edges` with
 `from` and `to` suffice.
 """
@@ -28,7 +30,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import GivenModel, first_fault
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import acted_objects, observe_episode
-from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.base import InferredGraph, InferredLinks, ParentSet
 
 LEAST = 1e-3
 OVERLAP = 0.5
@@ -229,6 +231,10 @@ def graph_values(episode: Episode, inferred: InferredGraph, steps: int) -> dict[
     if inferred.links is not None:
         links = _links_of(episode, inferred.links)
         single = inferred.links.after(steps)
+        ids = {link["cluster"]: link["id"] for link in links}
+        for node, sets in zip(nodes, inferred.parent_sets or (), strict=False):
+            if sets:
+                node["parent_sets"] = [told for one in sets if (told := _named_set(one, ids))]
         rows += [(link["of"], link["id"], single[link.pop("cluster")]) for link in links]
     edges = [
         {
@@ -246,6 +252,14 @@ def graph_values(episode: Episode, inferred: InferredGraph, steps: int) -> dict[
     edges.sort(key=lambda edge: (edge["link"] is not None, -edge["probability"], edge["to"], edge["from"]))  # type: ignore[operator]
     board = {"board": episode.board.index, "model": inferred.name, "actions": steps, "threshold": inferred.threshold}
     return {**board, "nodes": nodes, "links": None if inferred.links is None else links, "edges": edges}
+
+
+def _named_set(parents: ParentSet, ids: Mapping[int, str]) -> dict[str, Any] | None:
+    """A set of parents with its links by name; None if one has none, because nobody can say whose it is."""
+    if not all(cluster in ids for cluster in parents.links):
+        return None
+    names = [ids[cluster] for cluster in parents.links]
+    return {"links": names, "objects": list(parents.objects), "probability": round(parents.probability, 6)}
 
 
 def _links_of(episode: Episode, told: InferredLinks) -> list[dict[str, Any]]:

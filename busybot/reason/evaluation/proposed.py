@@ -120,7 +120,8 @@ class Proposed:
             prior=None if graph.prior is None else pairs(graph.prior),
             links=None if links is None else InferredLinks(links.clusters, self.spread(links.probabilities, 2)),
             kinds=words(graph.kinds),
-            words=None,  # they name objects by number
+            words=None,  # they name objects by number, as sets of parents do
+            parent_sets=None,
             lags=None if graph.lags is None else self.spread(graph.lags, 0, -1),
             changed=None if graph.changed is None else self.spread(graph.changed, 1),
             changed_at=None if graph.changed_at is None else self.spread(graph.changed_at, 0, -1),

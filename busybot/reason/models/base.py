@@ -32,6 +32,20 @@ class InferredLinks:
 
 
 @dataclass(frozen=True)
+class ParentSet:
+    """Inputs that decide an object together, and how probable it is that these do and no others.
+
+    Attributes:
+        links: their clusters, as of `InferredLinks`, rising.
+        objects: numbers of responders among them, rising.
+    """
+
+    links: tuple[int, ...]
+    objects: tuple[int, ...]
+    probability: float
+
+
+@dataclass(frozen=True)
 class InferredGraph:
     """Which object controls which, as believed after each step.
 
@@ -49,6 +63,8 @@ class InferredGraph:
             there is none; None where the model does not tell lags.
         words: at the end, what decides each object, for people, with "object 3" for names; "" for what is no responder;
             None where the model has no words.
+        parent_sets: at the end, of each object the likeliest sets of inputs, the likeliest first; none for what is no
+            responder. They count links that moved, and no others. None where the model tells pairs alone.
         changed: float (T, N), after each step the probability that another mechanism decides each object than at the
             start, and stays so; 0 for what is no responder. None where the model does not tell.
         changed_at: int (N,), at the end, the number of the step (from 0) after which the new mechanism is believed to
@@ -63,6 +79,7 @@ class InferredGraph:
     kinds: tuple[str, ...] | None = None
     lags: np.ndarray | None = None
     words: tuple[str, ...] | None = None
+    parent_sets: tuple[tuple[ParentSet, ...], ...] | None = None
     changed: np.ndarray | None = None
     changed_at: np.ndarray | None = None
 

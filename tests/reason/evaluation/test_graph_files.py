@@ -11,7 +11,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset
 from busybot.reason.evaluation.graph_files import graph_lines, graph_values, read_graphs, write_graph
-from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.base import InferredGraph, InferredLinks, ParentSet
 from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -58,6 +58,24 @@ def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
     graph = read_graphs(tmp_path).of(episode)
     np.testing.assert_allclose(graph.after(6), matrix[0])
     assert graph.kinds == ("", "gate", "", "", "") and graph.lags is not None and graph.lags.tolist() == lags.tolist()
+
+
+def test_sets_of_parents_name_their_links(tmp_path: Path) -> None:
+    episode, matrix = make_episode(0), np.zeros((1, 5, 5))
+    acted = np.array([step.acted_object for step in episode.steps])
+    clusters = np.where(acted == 0, 1, np.where(acted == 3, 0, -1))
+    sets = (ParentSet((0, 1), (2,), 0.7), ParentSet((1,), (), 0.2), ParentSet((2,), (), 0.1))  # nobody held link 2
+    told = InferredGraph(
+        "mine", matrix, links=InferredLinks(clusters, np.zeros((1, 3, 5))), parent_sets=((), sets, (), (), ())
+    )
+    values = graph_values(episode, told, 6)
+    assert values["nodes"][1]["parent_sets"] == [
+        {"links": ["3.1", "0.1"], "objects": [2], "probability": 0.7},
+        {"links": ["0.1"], "objects": [], "probability": 0.2},
+    ]
+    assert "parent_sets" not in values["nodes"][0]
+    write_graph(tmp_path, values)
+    assert read_graphs(tmp_path).of(episode).links is not None, "what is told besides is no matter"
 
 
 def test_links_come_back_as_they_were_told(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.reason.models.base import InferredGraph, InferredLinks
+from busybot.reason.models.base import InferredGraph, InferredLinks, ParentSet
 from busybot.reason.models.mechanism.changes import EARLIEST
 from busybot.reason.models.mechanism.completion import completed, lasting
 from busybot.reason.models.mechanism.contexts import (
@@ -255,6 +255,7 @@ class MechanismReasoner:
             kinds=kinds,
             lags=lags,
             words=self._in_words(known, objects) if worded else None,
+            parent_sets=_parent_sets(known, shares[..., -1], objects) if worded else None,
             changed=None if changed is None else changed[steps],
             changed_at=changed_at,
         )
@@ -444,6 +445,29 @@ class MechanismReasoner:
             else:
                 kinds[index] = "clock" if timed[number] else "flicker" if changed[number] else "rest"
         return tuple(kinds), lags
+
+
+LEAST_SET = 0.01
+"""Less probable sets of inputs are not told."""
+
+
+def _parent_sets(known: _Understood, shares: np.ndarray, objects: int) -> tuple[tuple[ParentSet, ...], ...]:
+    """Of each object the sets of inputs that explanations have, with the sum of their shares (R, H)."""
+    found: list[tuple[ParentSet, ...]] = [()] * objects
+    count = len(known.perceived.links.owners)
+    sets, of = np.unique(known.found.inputs, axis=0, return_inverse=True)
+    for responder, own in zip(known.perceived.responders.tolist(), shares, strict=True):
+        sums = np.bincount(of.reshape(-1), own, len(sets))
+        likeliest = [number for number in np.argsort(-sums, kind="stable") if sums[number] >= LEAST_SET]
+        found[responder] = tuple(
+            ParentSet(
+                tuple(np.flatnonzero(sets[number, :count]).tolist()),
+                tuple(known.perceived.responders[sets[number, count:]].tolist()),
+                float(sums[number]),
+            )
+            for number in likeliest
+        )
+    return tuple(found)
 
 
 def _led(perceived: Perceived, proposed: np.ndarray, action: np.ndarray, acted: int) -> tuple[tuple[int, ...], int]:

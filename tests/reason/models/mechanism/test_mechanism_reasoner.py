@@ -362,6 +362,22 @@ def test_mechanisms_are_told_in_words(watched: BoardSequence) -> None:
     )
 
 
+def test_parents_are_told_together(watched: BoardSequence) -> None:
+    graph = MechanismReasoner(Right(), "embedded").graph(watched)
+    assert graph.parent_sets is not None and graph.links is not None
+    assert [len(sets) > 0 for sets in graph.parent_sets] == [False, True, True, False, True]
+    for responder in (1, 2, 4):
+        sets, single = graph.parent_sets[responder], graph.links.after(watched.steps)[:, responder]
+        told = np.array([one.probability for one in sets])
+        assert (np.diff(told) <= 0).all() and told.min() >= 0.01 and told.sum() == pytest.approx(1, abs=0.05)
+        for link, believed in enumerate(single):
+            named = sum(one.probability for one in sets if link in one.links)
+            assert named == pytest.approx(believed, abs=0.05)
+    both, alone, none = (graph.parent_sets[responder][0] for responder in (1, 2, 4))
+    assert len(both.links) == 2 and len(alone.links) == 1 and none.links == none.objects == ()
+    assert MechanismReasoner(Right(), "embedded").graph_at_the_end(replace(watched)).parent_sets is None
+
+
 def test_where_nothing_was_seen_moving_nothing_is_foretold(watched: BoardSequence) -> None:
     def watch(steps: int) -> ObservedLinks:
         return ObservedLinks(

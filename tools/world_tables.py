@@ -488,7 +488,7 @@ def _area(one: dict[str, Any]) -> str:
 
 
 def _after(told: dict[str, Any], boards: int, key: str = "") -> dict[str, str]:
-    """Shares in whole percent with their intervals, by number of actions; of all or none exactly, over so many boards."""
+    """Shares in whole percent with their intervals by number of actions; of all or none exactly, over the boards."""
     return {actions: _share_within(one[key] if key else one, boards) for actions, one in told.items()}
 
 

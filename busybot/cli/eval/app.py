@@ -45,20 +45,21 @@ app = typer.Typer(
 
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
 BUILT_IN = ("random", "scripted")
-USUAL_REASONERS = ["event"]
+USUAL_REASONER = "event, in worlds beyond the paper's mechanism"
 
 
 @app.command()
 def reason(
     dataset: Annotated[Path, typer.Argument(metavar="DATASET", help="Folder of a dataset with episodes.")],
     reasoner: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option(
             help="Who infers relations: count, pc, lookup, persistence, or a trained model. Several are judged "
             "together, which is cheaper.",
             autocompletion=offering(reasoners),
+            show_default=USUAL_REASONER,
         ),
-    ] = USUAL_REASONERS,
+    ] = None,
     images: Annotated[int, typer.Option(min=2, help="Infer from so many images, one more than actions.")] = 23,
     decoders: Annotated[
         Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
@@ -106,9 +107,10 @@ def reason(
     from busybot.evaluation.results import write_result
     from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_models
     from busybot.reason.evaluation.graph_files import read_graphs
-    from busybot.reason.models.registry import config_class
+    from busybot.reason.models.registry import config_class, usual_reasoner
 
-    names, files = reasoner, out or []
+    target = Dataset.open(dataset)
+    names, files = reasoner or [usual_reasoner(target)], out or []
     _check_several(names, files, figure, graph, graphs)
     for file in files:
         check_file("--out", file, "reason.json")
@@ -126,7 +128,6 @@ def reason(
             for own, one in zip(told, judged, strict=True):
                 own.keep(file, one)
 
-        target = Dataset.open(dataset)
         results = evaluate_models(target, asked, training, assets, seed, workers, progress, keep)
     given: dict[str, Any] = {"images": images, "seed": seed, "decoders": decoders, "graph": graph}
     given |= {} if boxes == "given" else {"boxes": boxes}
@@ -288,11 +289,13 @@ def plan(
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
     reasoner: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="Who infers and predicts: lookup, or a trained reasoner.", autocompletion=offering(reasoners)
+            help="Who infers and predicts: lookup, or a trained reasoner.",
+            autocompletion=offering(reasoners),
+            show_default=USUAL_REASONER,
         ),
-    ] = "event",
+    ] = None,
     policy_model: Annotated[
         str | None,
         typer.Option(
@@ -324,12 +327,14 @@ def plan(
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL
     from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
     from busybot.plan.rollout import PlanConfig
+    from busybot.reason.models.registry import usual_reasoner
 
     parameters = build(PlanConfig, config, set_ or [], {"boards": boards})
     names = list(dict.fromkeys(name.strip() for name in agents.split(",")))
     with episode_progress("planning") as progress:
         target = Dataset.open(dataset)
         library, proposer = library_of(target, assets), policy_model or DEFAULT_MODEL
+        reasoner = reasoner or usual_reasoner(target)
         evaluation = PlanEvaluation(target, library, names, reasoner, proposer, parameters, seed, record)
         result = evaluate_agents(evaluation, processes(workers), progress, out)
     given = {"agents": agents, "reasoner": reasoner, "policy-model": policy_model, "seed": seed, "boards": boards}

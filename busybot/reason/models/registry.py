@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
+from busybot.boards.worlds import WORLDS
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import ObservedEpisode, observe_episode
 from busybot.reason.models.base import InferredGraph, Reasoner
@@ -83,12 +85,17 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
     return PaperReasoner(network.to(device()), info.encoder)
 
 
+def usual_reasoner(dataset: Dataset) -> str:
+    """The shipped model that knows the mechanisms of a dataset's boards; of boards of other simulators, the paper's."""
+    return WORLDS_REASONER if dataset.info.generator.config.get("world") in WORLDS else DEFAULT_REASONER
+
+
 class NoParameters(FrozenModel):
     """Of models that have none to set."""
 
 
-DEFAULT_REASONER = "event"
-"""The shipped model that commands use when none is named."""
+DEFAULT_REASONER, WORLDS_REASONER = "event", "mechanism"
+"""The shipped models that commands use when none is named: on the paper's boards, and in worlds beyond."""
 GRAPHS: dict[str, tuple[Callable[[ObservedEpisode, Any], InferredGraph], type[BaseModel]]] = {
     "count": (count, CountConfig),
     "pc": (discover, PcConfig),

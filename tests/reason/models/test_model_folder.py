@@ -2,14 +2,17 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.datasets.dataset import Dataset
 from busybot.reason.models.event.config import EventConfig, EventNetConfig
 from busybot.reason.models.event.networks import EventNet, EventReasoner
-from busybot.reason.models.registry import ReasonerInfo, load_reasoner
+from busybot.reason.models.registry import ReasonerInfo, load_reasoner, usual_reasoner
 from busybot.training.checkpoint import save_model
 from tests.reason.boards import make_boards
 
@@ -67,3 +70,13 @@ def test_a_description_that_is_no_json(folder: Path) -> None:
     (folder / "model" / "model.json").write_text("{")
     with pytest.raises(BusybotError, match="not valid JSON"):
         load_reasoner(folder)
+
+
+@pytest.mark.parametrize(
+    ("config", "expected"),
+    [({"world": "gates"}, "mechanism"), ({"world": "paper"}, "event"), ({"world": "kitchen"}, "event"), ({}, "event")],
+)
+def test_the_usual_reasoner_knows_the_mechanisms_of_the_boards(config: dict[str, str], expected: str) -> None:
+    info = SimpleNamespace(generator=SimpleNamespace(config=config))
+    assert usual_reasoner(cast(Dataset, SimpleNamespace(info=info))) == expected
+    assert load_reasoner(expected).name == expected

@@ -370,9 +370,9 @@ def test_parents_are_told_together(watched: BoardSequence) -> None:
         sets, single = graph.parent_sets[responder], graph.links.after(watched.steps)[:, responder]
         told = np.array([one.probability for one in sets])
         assert (np.diff(told) <= 0).all() and told.min() >= 0.01 and told.sum() == pytest.approx(1, abs=0.05)
-        for link, believed in enumerate(single):
+        for link, sure in enumerate(single):
             named = sum(one.probability for one in sets if link in one.links)
-            assert named == pytest.approx(believed, abs=0.05)
+            assert named == pytest.approx(sure, abs=0.05)
     both, alone, none = (graph.parent_sets[responder][0] for responder in (1, 2, 4))
     assert len(both.links) == 2 and len(alone.links) == 1 and none.links == none.objects == ()
     assert MechanismReasoner(Right(), "embedded").graph_at_the_end(replace(watched)).parent_sets is None

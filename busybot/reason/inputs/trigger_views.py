@@ -158,9 +158,9 @@ def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:
     runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(looks)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
-        usual = last = np.nan_to_num(np.nanmedian(looks, axis=0))
+        usual = last = np.nan_to_num(median_of_seen(looks))
         for run in range(int(runs[-1]) + 1):
-            look = np.nanmedian(looks[runs == run], axis=0)
+            look = median_of_seen(looks[runs == run])
             last = np.where(np.isnan(look), last, look)
             calm[runs == run] = last
         several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
@@ -170,6 +170,15 @@ def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:
     told = ((calm - usual) / least).clip(-MOST, MOST)
     fewest = max(FEWEST, float(stirred))
     return View(dict(enumerate(told)), np.arange(len(looks)), np.ones(1, np.float32), lambda *_: mine, fewest)
+
+
+def median_of_seen(looks: np.ndarray) -> np.ndarray:
+    """`np.nanmedian` over the first axis of (n, ...), n >= 1, to the same bits; numpy's takes ten times as long for few
+    numbers each."""
+    count, ordered = (~np.isnan(looks)).sum(axis=0), np.sort(looks, axis=0)  # NaN comes last
+    middle = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(looks) - 1)
+    low, high = (np.take_along_axis(ordered, place[None], axis=0)[0] for place in middle)
+    return np.where(count > 0, (low + high) / 2, np.nan).astype(looks.dtype)
 
 
 def _least(away: np.ndarray) -> np.ndarray:

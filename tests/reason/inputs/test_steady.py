@@ -13,7 +13,7 @@ from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
 from busybot.reason.inputs.steady import Steady, _as_bright, steadied
 from busybot.reason.inputs.trigger_links import LinkWatch
-from busybot.reason.inputs.trigger_views import USUAL, _usual
+from busybot.reason.inputs.trigger_views import USUAL, _usual, median_of_seen
 from tests.reason.inputs.test_trigger_links import MOVES, observe_links, played, pressed
 from tests.reason.scenes import BOARD_DEPTH, Patch, Scene
 
@@ -165,3 +165,15 @@ def test_what_is_too_bright_for_the_camera_does_not_darken_in_another_light() ->
     back = _as_bright(brighter, first)
     assert abs(back.astype(int)[:20] - 120).max() <= 2 and back[32:38, 42:78].min() >= 250
     assert back[42:48, 52:58].max() < 60
+
+
+@pytest.mark.parametrize("pictures", [1, 2, 5, 30])
+def test_the_median_of_what_was_seen_is_numpys(pictures: int) -> None:
+    looks = np.random.default_rng(pictures).normal(size=(pictures, 9, 8, 4)).astype(np.float32)
+    looks[np.random.default_rng(1).random(looks.shape[:3]) < 0.3] = np.nan
+    looks[:, :2] = np.nan
+    with pytest.warns(RuntimeWarning, match="All-NaN"):
+        expected = np.nanmedian(looks, axis=0)
+    told = median_of_seen(looks)
+    assert told.dtype == expected.dtype and np.isnan(told[:2]).all()
+    np.testing.assert_array_equal(told, expected)

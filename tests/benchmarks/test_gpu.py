@@ -17,6 +17,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
+from benchmarks.gpu import __main__ as everything
 from benchmarks.gpu import formats, interact, train
 from benchmarks.gpu import pack as packing
 from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
@@ -153,7 +154,8 @@ def test_packages_come_in_the_locks_versions() -> None:
 
 
 def test_training_imports_nothing_but_what_computes() -> None:
-    assert (strangers(of(train), {}) | strangers(of(formats), {})) - ALLOWED == {"benchmarks"}
+    found = [strangers(of(module), {}) for module in (train, formats, everything)]
+    assert set().union(*found) - ALLOWED == {"benchmarks"}
 
 
 def alone(module: str, there: set[str], *words: object) -> list[str]:
@@ -206,6 +208,12 @@ def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypa
     assert expected.keys() == tensors.keys()
     assert all(torch.equal(tensors[name], value) for name, value in expected.items())
 
+    at_once = ["--pack", tmp_path / "pack", "--work", tmp_path / "all", "--out", tmp_path / "back", "--minutes", "5"]
+    command = [sys.executable, "-m", "benchmarks.gpu", *map(str, at_once), "--device", "cpu"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and "paper: 24 of 24 in" in done.stdout, done.stderr
+    assert all(torch.equal(tensors[name], value) for name, value in read_run(tmp_path / "back" / "paper")[1].items())
+
     unpack(tmp_path / "pack", tmp_path / "out", tmp_path / "paper-0")
     again = CliRunner().invoke(app, usual(tmp_path, tiny, "paper-0"))
     assert again.exit_code == 0, again.stderr
@@ -215,6 +223,45 @@ def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypa
     judged = CliRunner().invoke(app, ["eval", "reason", str(tiny), "--reasoner", str(tmp_path / "paper-0"), "--json"])
     assert judged.exit_code == 0, judged.stderr
     assert json.loads(judged.stdout)["boards"] == 12
+
+
+def test_one_command_has_the_minutes_for_all_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Graph networks to their end, then interaction networks in equal parts of what is left; what failed is told."""
+    boards = as_stored(board.seen for board in make_boards(2, steps=3))
+    for name, rows in (("one", {"b": {}, "a": {}}), ("two", {"c": {}})):
+        write_pack(tmp_path / name, boards, each=2, **FACTS | {"rows": rows})
+    words = ["--pack", *(str(tmp_path / name) for name in ("one", "two")), "--work", str(tmp_path / "work")]
+    words += ["--out", str(tmp_path / "out"), "--assets", "objects", "--interact", "paper", "paper-rgb", "--half"]
+    facts = {"pack": None, "seed": 0, "figures": {}, "machine": {}, "versions": {}, "commit": None, "half": False}
+    ran: list[dict[str, str]] = []
+
+    def run(command: list[str]) -> subprocess.CompletedProcess[str]:
+        asked = dict(zip(command, command[1:], strict=False))
+        out, whole = Path(asked["--out"]), asked["--row"] in ("a", "b")
+        ran.append(asked)
+        if asked["--row"] != "paper":
+            share = {"iterations": 8 if whole or out.exists() else 2, "schedule": 8, "seconds": 120.0}
+            write_run(out, {}, b"", 1, row=asked["--row"], **facts, **share)
+        return subprocess.CompletedProcess(command, int(asked["--row"] == "paper"))
+
+    monkeypatch.setattr(subprocess, "run", run)
+    assert everything.main([*words, "--minutes", "30"]) == 1, "one failed"
+    assert [(one["-m"].rpartition(".")[2], one["--row"]) for one in ran] == [
+        ("train", "a"), ("train", "b"), ("train", "c"), ("interact", "paper"), ("interact", "paper-rgb")
+    ]  # fmt: skip
+    minutes = [float(one["--minutes"]) for one in ran]
+    assert minutes == pytest.approx([29.5, 29.5, 29.5, 14.5, 29.5], abs=0.1)
+    ran.clear()
+    everything.main([*words, "--minutes", "10"])
+    assert [one["--row"] for one in ran] == ["c", "paper", "paper-rgb"], "what came to its end is left out"
+    assert float(ran[0]["--minutes"]) == pytest.approx(9.5 + 2, abs=0.1), "minutes of a graph network are of all calls"
+    ran.clear()
+    assert everything.main([*words, "--minutes", "0.1"]) == 0 and not ran
+    with pytest.raises(BusybotError, match="a, b: trained twice"):
+        everything.main([*words[:2], *words[1:2], *words[3:]])
+    for wrong in (words[3:5], words[:-7] + words[-3:]):
+        with pytest.raises(SystemExit):
+            everything.main(wrong)
 
 
 def test_a_run_of_another_pack_is_refused(tmp_path: Path) -> None:

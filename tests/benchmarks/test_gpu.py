@@ -17,8 +17,7 @@ import pytest
 import torch
 from typer.testing import CliRunner
 
-from benchmarks.gpu import __main__ as everything
-from benchmarks.gpu import formats, interact, train
+from benchmarks.gpu import everything, formats, interact, train
 from benchmarks.gpu import pack as packing
 from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, read_pack, read_run, write_pack, write_run
 from benchmarks.gpu.unpack import unpack, unpack_interaction
@@ -209,7 +208,7 @@ def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypa
     assert all(torch.equal(tensors[name], value) for name, value in expected.items())
 
     at_once = ["--pack", tmp_path / "pack", "--work", tmp_path / "all", "--out", tmp_path / "back", "--minutes", "5"]
-    command = [sys.executable, "-m", "benchmarks.gpu", *map(str, at_once), "--device", "cpu"]
+    command = [sys.executable, "-m", "benchmarks.gpu.everything", *map(str, at_once), "--device", "cpu"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     assert done.returncode == 0 and "paper: 24 of 24 in" in done.stdout, done.stderr
     assert all(torch.equal(tensors[name], value) for name, value in read_run(tmp_path / "back" / "paper")[1].items())

@@ -1,6 +1,6 @@
 """All that a machine with a GPU is lent for, in one command of so many minutes.
 
-    python -m benchmarks.gpu --pack PACK PACK2 --interact paper --assets OBJECTS --minutes 30 --work WORK --out BACK
+    python -m benchmarks.gpu.everything --pack PACK PACK2 --interact paper --assets OBJECTS --minutes 30 --work WORK --out BACK
 
 Every row of the packs is trained to its end, one after the other (`benchmarks.gpu.train`), then the named rows of the
 interaction networks have what is left of the minutes, in equal parts (`benchmarks.gpu.interact`); named without a pack,
@@ -77,9 +77,7 @@ def _ended(folder: Path) -> bool:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    options = argparse.ArgumentParser(
-        prog="benchmarks.gpu", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--pack", type=Path, nargs="*", default=[], help="folders of benchmarks.gpu.pack")
     options.add_argument("--interact", nargs="*", default=[], help="rows of Table 1, for the interaction networks")
     options.add_argument("--assets", help="folder of objects, for these")

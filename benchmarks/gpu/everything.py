@@ -1,6 +1,7 @@
 """All that a machine with a GPU is lent for, in one command of so many minutes.
 
-    python -m benchmarks.gpu.everything --pack PACK PACK2 --interact paper --assets OBJECTS --minutes 30 --work WORK --out BACK
+    python -m benchmarks.gpu.everything --pack PACK PACK2 --interact paper --assets OBJECTS --minutes 30 --work WORK
+        --out BACK
 
 Every row of the packs is trained to its end, one after the other (`benchmarks.gpu.train`), then the named rows of the
 interaction networks have what is left of the minutes, in equal parts (`benchmarks.gpu.interact`); named without a pack,

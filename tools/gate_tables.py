@@ -464,7 +464,11 @@ def _where_all_moved(told: dict[str, Any]) -> str:
     return f" ({number(100 * seen['mechanism'])} of the {seen['tasks']} whose links had all moved)" if seen else ""
 
 
-BEFORE_A_CAMERA = {"camera-gates": "a real camera", "camera-curious-gates": "a real camera, curious policy"}
+BEFORE_A_CAMERA = {
+    "camera-paper-gates": "a real camera",
+    "camera-gates": "a real camera",
+    "camera-curious-gates": "a real camera, curious policy",
+}
 """Results by the policy that acted, and what they are called."""
 
 
@@ -473,13 +477,20 @@ def _before_a_camera() -> Iterator[_Line]:
     asked = {"P": ("parent_p", 0.97), "R": ("parent_r", 0.97), "Pred-A": ("pred_a", 0.85)}
     for name, called in BEFORE_A_CAMERA.items():
         rows = result(name)["rows"]
-        for split, seeds in rows["paper"].items():
+        for split, seeds in rows.get("paper", {}).items():
             for words, (key, limit) in asked.items():
                 gates = [_Gate(words, one[key], limit) for one in seeds.values()]
                 shown = _seeds_cell([gate.value for gate in gates], gates[0])
-                yield f"paper, {called}, {split}: {words}", (gates[0].asked, shown)
+                yield f"paper, {called}, {split}, {_boards(seeds)} boards: {words}", (gates[0].asked, shown)
         for split, seeds in rows.get("mixed", {}).items():
             points = [one["after"]["30"] for one in seeds.values()]
             gates = [_Gate("", point[BOTH[1]] - (point[BOTH[0]] or 0), 0.1, False) for point in points]
             shown = _seeds_cell([gate.value for gate in gates], gates[0])
-            yield f"mixed, {called}, {split}: F1 of links behind the bound, 30", (gates[0].asked, shown)
+            place = f"mixed, {called}, {split}, {_boards(seeds)} boards"
+            yield f"{place}: F1 of links behind the bound, 30", (gates[0].asked, shown)
+
+
+def _boards(seeds: dict[str, Any]) -> int:
+    """On how many boards the seeds were judged."""
+    [boards] = {one["boards"] for one in seeds.values()}
+    return int(boards)

@@ -32,9 +32,7 @@ EXPLAINED = {
     NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
 }
 KNOWN = {
-    NO_COMMIT: {
-        *("paper_interact", "reason_robustness"),
-    },
+    NO_COMMIT: {"paper_interact"},
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
     },
@@ -107,7 +105,7 @@ def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
         return CHANGED
     if history is not None and not {one for one, _ in _commits(told)} - {None} <= history:
         return ABSENT
-    found = next((told[name] for name in ROWS if told.get(name)), {})
+    found: Any = next((told[name] for name in ROWS if told.get(name)), {})
     rows = found if isinstance(found, dict) else {str(place): row for place, row in enumerate(found)}
     told_of = {name: list(_commits(row)) for name, row in rows.items()}
     trained = {commit for found in told_of.values() for commit, training in found if training}

@@ -261,9 +261,9 @@ def test_gates_of_acting_planning_and_a_real_camera(monkeypatch: pytest.MonkeyPa
     assert told[said] == "2 of 8 (3-65); other seeds 1 of 9 (0-48) ✗"
     of_seen = "95.0 (100.0 of the 3 whose links had all moved) ✓"
     assert told["lock, depth 1 to 4, scripted histories: goals reached"] == of_seen
-    assert told["paper, a real camera, novel-object: P"] == "97.0 (96.0) 1 of 2"
-    assert told["mixed, a real camera, novel-object: F1 of links behind the bound, 30"] == "3.0 (3.0) ✓"
-    assert told["paper, a real camera, curious policy, novel-object: Pred-A"] == "90.0 (90.0) ✓"
+    assert told["paper, a real camera, novel-object, 2 boards: P"] == "97.0 (96.0) 1 of 2"
+    assert told["mixed, a real camera, novel-object, 2 boards: F1 of links behind the bound, 30"] == "3.0 (3.0) ✓"
+    assert told["paper, a real camera, curious policy, novel-object, 2 boards: Pred-A"] == "90.0 (90.0) ✓"
 
 
 @pytest.mark.long

@@ -3,7 +3,7 @@
 New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
 machine; all its rows are of one commit, and if they were trained by another one, on another machine, all by the same;
 and it, or each of its rows, has hashes of the models, boards or recordings that it is about, unless its kind is about
-none. `KNOWN` lists the others; it may only become shorter.
+none. `KNOWN` lists the others; it may only become shorter, unless more is asked.
 """
 
 import json

@@ -68,7 +68,9 @@ def _help(parameter: Any) -> str:
 def _default(parameter: Any) -> str:
     if parameter.required:
         return "required"
-    value = parameter.default
+    value, said = parameter.default, getattr(parameter, "show_default", None)
+    if value is None and isinstance(said, str):
+        return said
     if value is None or value is False or value == [] or callable(value):
         return ""
     if isinstance(value, list):

@@ -410,7 +410,7 @@ def curiosity() -> str:
             for choice, told in parts[part].items():
                 most, (low, high) = len(told["f1"]), told["until_interval"]
                 until = [f"over {most}" if one > most else f"{one:.0f}" for one in (told["until"], low, high)]
-                least, greatest = (whole(end) for end in told["f1_interval"][21])
+                least, greatest = map(whole, exact(told["f1"][21], told["f1_interval"][21], told["boards"]))
                 shares = [whole(told["f1"][after - 1]) for after in (10, 22, 30)]
                 shares[1] += f" ({least}-{greatest})"
                 stops = told.get("stops")

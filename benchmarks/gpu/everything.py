@@ -8,8 +8,9 @@ interaction networks have what is left of the minutes, in equal parts (`benchmar
 they have all. Out of minutes, or killed, the same command goes on in WORK: what has come to its end is left out. BACK
 has a folder for each row, with weights, losses and timings, to be unpacked one by one (`benchmarks.gpu.unpack`).
 
-What fails is told, and the others are trained all the same; the exit code is 1 then. Nothing is imported here but what
-`benchmarks.gpu.train` needs.
+What fails is told, and the others are trained all the same; the exit code is 1 then. So it is with interaction networks
+that had too few minutes for their first epochs. For another pack, name another WORK and BACK. Nothing is imported here
+but what `benchmarks.gpu.train` needs.
 """
 
 import argparse
@@ -19,11 +20,14 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from benchmarks.gpu.formats import RUN, RunInfo, read_pack_info, read_run
+from benchmarks.gpu.formats import RUN, RunInfo, read_pack_info, read_run_info
 from busybot.common.errors import BusybotError
 
-RESERVE = 0.5
-"""Minutes of a training's share in which it starts and writes what travels."""
+INTERACTION = "interact-"
+"""Before the names of interaction networks, which have rows of the same names."""
+RESERVE = {True: 0.5, False: 2.5}
+"""Minutes of a training's share in which it starts and writes what travels, of graph networks and of others: those end
+an epoch's work first."""
 
 
 def planned(options: argparse.Namespace) -> dict[str, list[str]]:
@@ -34,24 +38,24 @@ def planned(options: argparse.Namespace) -> dict[str, list[str]]:
     """
     found: dict[str, list[str]] = {}
     graphs = [(row, pack) for pack in options.pack for row in sorted(read_pack_info(pack)[0].rows)]
-    names = [row for row, _ in graphs] + [f"interact-{row}" for row in options.interact]
+    names = [row for row, _ in graphs] + [f"{INTERACTION}{row}" for row in options.interact]
     if twice := {name for name in names if names.count(name) > 1}:
         raise BusybotError(f"{', '.join(sorted(twice))}: trained twice", "name each pack, and each row, once")
     shared = ["--device", options.device, *(["--half"] if options.half else [])]
     for row, pack in graphs:
         exact = ["--inexact"] if options.inexact else []
-        found[row] = ["benchmarks.gpu.train", "--pack", str(pack), "--row", row, *exact, *shared]
+        found[row] = ["benchmarks.gpu.train", "--this-call", "--pack", str(pack), "--row", row, *exact, *shared]
     for row in options.interact:
         config = ["--config", str(options.config)] if options.config else []
         schedule = config or ["--share", str(options.share), "--merge", str(options.merge)]
         asked = ["benchmarks.gpu.interact", "--assets", options.assets, "--row", row, *schedule, *shared]
-        found[f"interact-{row}"] = asked
+        found[f"{INTERACTION}{row}"] = asked
     return found
 
 
 def brought_back(folder: Path) -> RunInfo | None:
-    """What a training left so far."""
-    return read_run(folder)[0] if (folder / RUN).exists() else None
+    """What is said of what a training left so far; its weights are looked at when they are unpacked."""
+    return read_run_info(folder) if (folder / RUN).exists() else None
 
 
 def trained(options: argparse.Namespace, end: float) -> Iterator[tuple[str, int | None]]:
@@ -59,14 +63,11 @@ def trained(options: argparse.Namespace, end: float) -> Iterator[tuple[str, int 
     commands = planned(options)
     waiting = [name for name in commands if not _ended(options.out / name)]
     for place, name in enumerate(waiting):
-        graph, before = not name.startswith("interact-"), brought_back(options.out / name)
-        share = 1 if graph else len(waiting) - place
-        minutes = (end - time.monotonic()) / 60 / share - RESERVE
+        graph = not name.startswith(INTERACTION)
+        minutes = (end - time.monotonic()) / 60 / (1 if graph else len(waiting) - place) - RESERVE[graph]
         if minutes <= 0:
             yield name, None
             continue
-        if graph:  # its minutes are those of all its interruptions
-            minutes += before.seconds / 60 if before else 0
         places = ["--work", str(options.work / name), "--out", str(options.out / name)]
         done = subprocess.run([sys.executable, "-m", *commands[name], *places, "--minutes", f"{minutes:.3f}"])
         yield name, done.returncode
@@ -101,7 +102,8 @@ def main(words: Sequence[str] | None = None) -> int:
         failed |= bool(code)
         told = brought_back(arguments.out / name)
         done = f"{told.iterations} of {told.schedule} in {told.seconds / 60:.1f} minutes" if told else "nothing yet"
-        print(f"{name}: {'no minutes were left; ' if code is None else ''}{done}{'; it failed' if code else ''}")
+        words = "no minutes were left; " if code is None else ""
+        print(f"{name}: {words}{done}{f'; exit code {code}' if code else ''}", flush=True)
     return int(failed)
 
 

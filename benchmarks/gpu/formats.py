@@ -282,13 +282,22 @@ def _in_order(name: str, found: dict[str, Tensor]) -> Tensor:
     return torch.cat([found[number] for number in wanted])
 
 
+def read_run_info(folder: Path) -> RunInfo:
+    """What is said of a training, without its weights.
+
+    Raises:
+        BusybotError: the file is absent, or another version wrote it.
+    """
+    return _info(folder / RUN, RunInfo)
+
+
 def read_run(folder: Path) -> tuple[RunInfo, dict[str, Tensor]]:
     """What came of a training, and its weights in float32.
 
     Raises:
         BusybotError: a file is absent, or another one than was written.
     """
-    info = _info(folder / RUN, RunInfo)
+    info = read_run_info(folder)
     _compare(folder, info.files)
     weights = [file for file in info.files if file != METRICS]
     try:

@@ -8,8 +8,8 @@ bfloat16. On a CPU the weights are, bit by bit, those of that command on the dat
 
 `--work` is the training's folder. Killed at any time, or out of minutes, the same command goes on there from the last
 checkpoint and ends in the weights of one that was not stopped. `--minutes` are those of the training through all of its
-interruptions: to go on when they are spent, ask for more. A checkpoint has three numbers for each weight, 220 MB, so it
-is not meant to travel.
+interruptions: to go on when they are spent, ask for more, or for so many in `--this-call`. A checkpoint has three
+numbers for each weight, 220 MB, so it is not meant to travel.
 
 `--inexact` takes algorithms on a GPU that do not repeat exactly: what is gathered for edges is added up in any order,
 not sorted first.
@@ -49,7 +49,7 @@ def train(arguments: argparse.Namespace) -> RunInfo:
     learner = PaperLearner(config, boards, [], arguments.seed, resident=True)
     if arguments.inexact:
         torch.use_deterministic_algorithms(False)
-    budget = learner.budget = Budget(arguments.minutes)
+    budget = learner.budget = Budget(arguments.minutes, arguments.this_call)
     # no board is held out, so that judgements are checkpoints and nothing else
     figures = fit(learner, arguments.work, config.loop.model_copy(update={"judge": arguments.checkpoint}))
     return write_run(
@@ -98,6 +98,7 @@ def main() -> None:
     options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--minutes", type=float, default=9.0, help="of training, through all interruptions")
+    options.add_argument("--this-call", action="store_true", help="count the minutes from this call on")
     options.add_argument("--checkpoint", type=int, default=1000, help="iterations between checkpoints")
     options.add_argument("--file-mb", type=float, default=15.0, help="of a file of weights")
     options.add_argument("--half", action="store_true", help="round matrices to float16")

@@ -121,7 +121,9 @@ def _gives_boards(dataset: Dataset, library: Library) -> bool:
 def _pool(dataset: Dataset, library: Library, whole: bool) -> dict[str, ObjectModel]:
     """The objects that stand on the boards, and if the whole pool is asked for, all that could have."""
     weights: Mapping[str, float] = library.splits.get(SPLITS.get(dataset.info.split, ""), {}) if whole else {}
-    others = library.splits.get(OTHER, {}) if whole and dataset.info.generator.config.get("world") in SCENES else {}
+    others = (
+        library.splits.get(OTHER, {}) if whole and dataset.info.generator.config.get("world") in tuple(SCENES) else {}
+    )
     return {key: library.get(key) for key in sorted({*weights, *others, *dataset.info.assets.sha256})}
 
 

@@ -67,10 +67,20 @@ class LoopConfig(FrozenModel):
 
 
 class Budget:
-    """The time that a training may have, through all of its interruptions; `seconds` are what it has had."""
+    """The time that a training may have; `seconds` are what it has had, through all of its interruptions.
 
-    def __init__(self, minutes: float):
+    Args:
+        minutes: through all of its interruptions, too, or `this_call`: since it went on last.
+    """
+
+    def __init__(self, minutes: float, this_call: bool = False):
         self._limit, self.seconds, self._last = 60 * minutes, 0.0, time.monotonic()
+        self._this_call = this_call
+
+    def go_on(self, seconds: float) -> None:
+        """Go on where it had had so many."""
+        self.seconds = seconds
+        self._limit += seconds if self._this_call else 0
 
     def count(self) -> None:
         """Count until now."""
@@ -227,7 +237,7 @@ class Loop:
         else:  # networks that are trained in rounds or epochs once wrote how far they were among their own values
             self.progress = Progress(int(values.get("iteration", values.get("total", 0))))
         if learner.budget is not None:
-            learner.budget.seconds = values["seconds"]
+            learner.budget.go_on(values["seconds"])
         learner.restore(Checkpoint(saved.tensors, values))
 
 

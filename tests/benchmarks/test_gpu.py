@@ -224,7 +224,9 @@ def test_there_and_back_with_a_kill_between(tmp_path: Path, tiny: Path, monkeypa
     assert json.loads(judged.stdout)["boards"] == 12
 
 
-def test_one_command_has_the_minutes_for_all_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_command_has_the_minutes_for_all_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Graph networks to their end, then interaction networks in equal parts of what is left; what failed is told."""
     boards = as_stored(board.seen for board in make_boards(2, steps=3))
     for name, rows in (("one", {"b": {}, "a": {}}), ("two", {"c": {}})):
@@ -249,18 +251,22 @@ def test_one_command_has_the_minutes_for_all_rows(tmp_path: Path, monkeypatch: p
         ("train", "a"), ("train", "b"), ("train", "c"), ("interact", "paper"), ("interact", "paper-rgb")
     ]  # fmt: skip
     minutes = [float(one["--minutes"]) for one in ran]
-    assert minutes == pytest.approx([29.5, 29.5, 29.5, 14.5, 29.5], abs=0.1)
+    assert minutes == pytest.approx([29.5, 29.5, 29.5, 12.5, 27.5], abs=0.1)
     ran.clear()
     everything.main([*words, "--minutes", "10"])
     assert [one["--row"] for one in ran] == ["c", "paper", "paper-rgb"], "what came to its end is left out"
-    assert float(ran[0]["--minutes"]) == pytest.approx(9.5 + 2, abs=0.1), "minutes of a graph network are of all calls"
+    assert float(ran[0]["--minutes"]) == pytest.approx(9.5, abs=0.1)
+    (tmp_path / "out" / "c" / METRICS).write_text("killed while it wrote")
+    assert everything.brought_back(tmp_path / "out" / "c") is not None, "weights are looked at later"
     ran.clear()
     assert everything.main([*words, "--minutes", "0.1"]) == 0 and not ran
     with pytest.raises(BusybotError, match="a, b: trained twice"):
         everything.main([*words[:2], *words[1:2], *words[3:]])
-    for wrong in (words[3:5], words[:-7] + words[-3:]):
+    places = words[3:7]
+    for wrong, told in (([], "name a --pack"), (["--interact", "paper"], "--interact needs --assets")):
         with pytest.raises(SystemExit):
-            everything.main(wrong)
+            everything.main([*places, *wrong])
+        assert told in capsys.readouterr().err
 
 
 def test_a_run_of_another_pack_is_refused(tmp_path: Path) -> None:

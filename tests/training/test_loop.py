@@ -87,6 +87,22 @@ def test_time_that_is_spent_ends_a_training_for_good(tmp_path: Path) -> None:
     assert fit(Line(minutes=10), tmp_path, config)["iterations"] == 8
 
 
+def test_minutes_of_a_call_begin_where_it_goes_on(tmp_path: Path) -> None:
+    config, whole = LoopConfig(judge=100, report=1), Line(minutes=10)
+    whole.dies_in = 3
+    with pytest.raises(KeyboardInterrupt):
+        fit(whole, tmp_path, config)
+    again = Line()
+    again.budget = Budget(1e-9, this_call=True)
+    assert fit(again, tmp_path, config)["iterations"] == 1, "one is always done"
+    again.budget = Budget(10, this_call=True)
+    again.budget.go_on(3600)
+    assert not again.budget.spent and again.budget.seconds == 3600
+    alone = Budget(10)
+    alone.go_on(3600)
+    assert alone.spent
+
+
 def test_the_end_is_learned_once_with_the_best_weights_also_after_an_interruption(tmp_path: Path) -> None:
     """The second judgement is the best."""
 

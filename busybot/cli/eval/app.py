@@ -45,7 +45,7 @@ app = typer.Typer(
 
 OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
 BUILT_IN = ("random", "scripted")
-USUAL_REASONER = "event, in worlds beyond the paper's mechanism"
+USUAL_REASONER = "event; mechanism in worlds beyond the paper's"
 
 
 @app.command()

@@ -10,7 +10,7 @@ A file holds one graph, or a list of them, as JSON:
 
 `box` is u0, v0, u1, v1 in the first picture, pixels; `position` in board units. A link is what some recorded actions
 took hold of, `steps` numbers them from 0; an edge whose `link` is its id is about it, others about whole objects. Sets
-of parents are those that decide a responder together, at the end of the recording, of links that moved. What
+of parents are those that decide a responder together, at the end of what was seen, of links that moved. What
 a reasoner does not tell is null; pairs less probable than `LEAST` are left out. Of a graph that is read, `edges` with
 `from` and `to` suffice.
 """

@@ -6,7 +6,6 @@ keeps how it looked. Colours and depth are told in units of what is left of thei
 changed; and more of them did than while nobody touched the trigger.
 """
 
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -156,15 +155,13 @@ def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:
         touched: bool (T,), which actions took hold of it.
     """
     runs, calm = np.concatenate([[0], np.cumsum(touched)]), np.empty_like(looks)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what was never seen has no median
-        usual = last = np.nan_to_num(median_of_seen(looks))
-        for run in range(int(runs[-1]) + 1):
-            look = median_of_seen(looks[runs == run])
-            last = np.where(np.isnan(look), last, look)
-            calm[runs == run] = last
-        several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
-        least = _least(np.abs(looks - calm)[several if several.any() else slice(None)])
+    usual = last = np.nan_to_num(median_of_seen(looks))
+    for run in range(int(runs[-1]) + 1):
+        look = median_of_seen(looks[runs == run])
+        last = np.where(np.isnan(look), last, look)
+        calm[runs == run] = last
+    several = np.bincount(runs)[runs] > 1  # one picture alone is its own median
+    least = _least(np.abs(looks - calm)[several if several.any() else slice(None)])
     idle = (np.abs(np.diff(looks, axis=0))[~touched] > least).any(axis=-1)
     stirred = np.quantile((idle & mine).sum(axis=(1, 2)), IDLE) if len(idle) else 0
     told = ((calm - usual) / least).clip(-MOST, MOST)

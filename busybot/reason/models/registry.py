@@ -87,7 +87,7 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
 
 def usual_reasoner(dataset: Dataset) -> str:
     """The shipped model that knows the mechanisms of a dataset's boards; of boards of other simulators, the paper's."""
-    return WORLDS_REASONER if dataset.info.generator.config.get("world") in WORLDS else DEFAULT_REASONER
+    return WORLDS_REASONER if dataset.info.generator.config.get("world") in tuple(WORLDS) else DEFAULT_REASONER
 
 
 class NoParameters(FrozenModel):

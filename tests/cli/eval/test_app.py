@@ -13,6 +13,7 @@ from busybot.episodes.mcap.writer import write_episode
 from busybot.interact.affordance.load import load_model
 from busybot.plan.learning.network import read_policy
 from busybot.training.model_cards import PACKAGE
+from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 
@@ -180,3 +181,18 @@ def test_a_folder_of_another_skill_is_called_what_it_is(dataset: Path) -> None:
 @pytest.mark.parametrize(("model", "message"), [("procedural", "an interaction model"), ("nix", "no model of that")])
 def test_a_model_of_another_skill_is_not_called_unknown(dataset: Path, model: str, message: str) -> None:
     assert message in run(dataset, "--reasoner", model).stderr
+
+
+def test_without_a_name_boards_of_a_world_are_judged_by_the_model_that_knows_it(tmp_path: Path) -> None:
+    boards = tmp_path / "boards"
+    for words in (
+        ("generate", boards, "--world", "gates", "--boards", 1, "--group-size", 1, "--tasks", "reach"),
+        ("collect", boards, "--policy", "scripted", "--steps", 3),
+    ):
+        assert busybot(*words).returncode == 0
+    reason = busybot("eval", "reason", boards, "--images", 3, "--no-what-if", "--json")
+    assert reason.returncode == 0, reason.stderr
+    told = json.loads(reason.stdout)
+    assert told["model"] == "mechanism" and "--reasoner mechanism" in told["command"]
+    plan = busybot("eval", "plan", boards, "--agents", "noop", "--json")
+    assert plan.returncode == 0 and "--reasoner mechanism" in json.loads(plan.stdout)["command"], plan.stderr

@@ -464,11 +464,7 @@ def _where_all_moved(told: dict[str, Any]) -> str:
     return f" ({number(100 * seen['mechanism'])} of the {seen['tasks']} whose links had all moved)" if seen else ""
 
 
-BEFORE_A_CAMERA = {
-    "camera-paper-gates": "a real camera",
-    "camera-gates": "a real camera",
-    "camera-curious-gates": "a real camera, curious policy",
-}
+BEFORE_A_CAMERA = {"camera-gates": "a real camera", "camera-curious-gates": "a real camera, curious policy"}
 """Results by the policy that acted, and what they are called."""
 
 
@@ -477,7 +473,7 @@ def _before_a_camera() -> Iterator[_Line]:
     asked = {"P": ("parent_p", 0.97), "R": ("parent_r", 0.97), "Pred-A": ("pred_a", 0.85)}
     for name, called in BEFORE_A_CAMERA.items():
         rows = result(name)["rows"]
-        for split, seeds in rows.get("paper", {}).items():
+        for split, seeds in rows["paper"].items():
             for words, (key, limit) in asked.items():
                 gates = [_Gate(words, one[key], limit) for one in seeds.values()]
                 shown = _seeds_cell([gate.value for gate in gates], gates[0])

@@ -32,7 +32,6 @@ EXPLAINED = {
     NO_HASHES: "without hashes of models, boards or recordings, which their commands make from their seeds",
 }
 KNOWN = {
-    NO_COMMIT: {"paper_interact"},
     CHANGED: {
         *("laptop/tables/stages", "laptop/tables/table1", "laptop/tables/table2", "laptop/tables/table3"),
     },

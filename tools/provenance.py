@@ -104,8 +104,8 @@ def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
         return CHANGED
     if history is not None and not {one for one, _ in _commits(told)} - {None} <= history:
         return ABSENT
-    found: Any = next((told[name] for name in ROWS if told.get(name)), {})
-    rows = found if isinstance(found, dict) else {str(place): row for place, row in enumerate(found)}
+    given: Any = next((told[name] for name in ROWS if told.get(name)), {})
+    rows = given if isinstance(given, dict) else {str(place): row for place, row in enumerate(given)}
     told_of = {name: list(_commits(row)) for name, row in rows.items()}
     trained = {commit for found in told_of.values() for commit, training in found if training}
     named = {

@@ -301,10 +301,10 @@ def rewirings() -> str:
     return markdown([plain_grid(("rewirings", "found", "placed", "false alarms a board"), lines, "percent")])
 
 
-def _over_actions(told: dict[str, Any]) -> str:
+def _over_actions(told: dict[str, Any], key: str = "f1") -> str:
     """F1 after each number of actions, with the interval of the middle one."""
     low, high = told["22"]["interval"]
-    first, middle, last = (whole(one["f1"]) for one in told.values())
+    first, middle, last = (whole(one[key]) for one in told.values())
     within = f" ({whole(low)}-{whole(high)})" if low < high else ""
     return f"{first} / {middle}{within} / {last}"
 
@@ -453,7 +453,7 @@ def ablations() -> str:
     told, lines = result("mechanism-ablations"), []
     for name, words in ((name, words) for name, words in ABLATIONS.items() if name in told["rows"]):
         row = told["rows"][name]["worlds"]
-        cells = [_ablated(row[world]) for world in told["judged"]]
+        cells = [_over_actions(row[world], "share") for world in told["judged"]]
         everywhere = row["all"]["22"]
         ahead = _more(everywhere)
         boards = told["rows"][name]["boards"]
@@ -461,13 +461,6 @@ def ablations() -> str:
         lines.append((named, [*cells, percent(everywhere["share"]), "" if name == "labels" else ahead]))
     heads = (*told["judged"], "all, after 22", "points to the whole (95 %)")
     return markdown([plain_grid(heads, lines, "F1 of links after 10 / 22 / 30")])
-
-
-def _ablated(told: dict[str, Any]) -> str:
-    """F1 after each number of actions, the middle one with its interval over boards."""
-    first, middle, last = told.values()
-    low, high = (whole(end) for end in middle["interval"])
-    return f"{whole(first['share'])} / {whole(middle['share'])} ({low}-{high}) / {whole(last['share'])}"
 
 
 VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "order", "actions": "actions"}

@@ -25,9 +25,9 @@ from busybot.common.errors import BusybotError
 
 INTERACTION = "interact-"
 """Before the names of interaction networks, which have rows of the same names."""
-RESERVE = {True: 0.5, False: 2.5}
-"""Minutes of a training's share in which it starts and writes what travels, of graph networks and of others: those end
-an epoch's work first."""
+RESERVE, INTERACTION_RESERVE = 0.5, 2.5
+"""Minutes of a training's share in which it starts and writes what travels; interaction networks end an epoch's work
+first."""
 
 
 def planned(options: argparse.Namespace) -> dict[str, list[str]]:
@@ -63,8 +63,11 @@ def trained(options: argparse.Namespace, end: float) -> Iterator[tuple[str, int 
     commands = planned(options)
     waiting = [name for name in commands if not _ended(options.out / name)]
     for place, name in enumerate(waiting):
-        graph = not name.startswith(INTERACTION)
-        minutes = (end - time.monotonic()) / 60 / (1 if graph else len(waiting) - place) - RESERVE[graph]
+        left = (end - time.monotonic()) / 60
+        if name.startswith(INTERACTION):  # they come last, and none to its end
+            minutes = left / (len(waiting) - place) - INTERACTION_RESERVE
+        else:
+            minutes = left - RESERVE
         if minutes <= 0:
             yield name, None
             continue

@@ -121,9 +121,8 @@ def _gives_boards(dataset: Dataset, library: Library) -> bool:
 def _pool(dataset: Dataset, library: Library, whole: bool) -> dict[str, ObjectModel]:
     """The objects that stand on the boards, and if the whole pool is asked for, all that could have."""
     weights: Mapping[str, float] = library.splits.get(SPLITS.get(dataset.info.split, ""), {}) if whole else {}
-    others = (
-        library.splits.get(OTHER, {}) if whole and dataset.info.generator.config.get("world") in tuple(SCENES) else {}
-    )
+    scene = dataset.info.generator.config.get("world") in tuple(SCENES)
+    others = library.splits.get(OTHER, {}) if whole and scene else {}
     return {key: library.get(key) for key in sorted({*weights, *others, *dataset.info.assets.sha256})}
 
 

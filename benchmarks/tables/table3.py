@@ -2,6 +2,8 @@
 
     python -m benchmarks.tables.table3 --policy-model MODEL --reasoner FOLDER FOLDER FOLDER --work FOLDER --out FILE
     python -m benchmarks.tables.table3 network --policy-model MODEL --reasoner NETWORK --work FOLDER --out FILE
+    python -m benchmarks.tables.table3 learned --policy-model MODEL --learned bc=FOLDER bc-attention=FOLDER \\
+        --work FOLDER --out FILE
     python -m benchmarks.tables.table3 procedural --work FOLDER --out benchmarks/results/plan-procedural.json
 
 For each split and each kind of relations: tasks are generated, their histories recorded with the interaction model, and
@@ -10,8 +12,9 @@ are ours or the paper's whole system; learned baselines, which need no reasoner,
 resumes, so this one does; a cell appears as soon as it is judged.
 
 Each agent is compared with the paper's whole system, with the same reasoner on the same tasks. `network` plays the
-paper's agents with a reasoner of the paper's architecture. By default `procedural` takes what ships with busybot:
-procedural objects, its policy, its model of relations. The results of `network` and `procedural` name their rows
+paper's agents with a reasoner of the paper's architecture. `learned` plays several trainings of learned baselines,
+whose names begin with their agent's, on the same tasks. By default `procedural` takes what ships with busybot:
+procedural objects, its policy, its model of relations. The results of these three name their rows
 `agents`: a report's Table 3 is that of real objects and our own model.
 """
 
@@ -63,25 +66,29 @@ def cell(
         (str(number), ",".join(OURS if number else usual), option("--reasoner", reasoner))
         for number, reasoner in enumerate(options.reasoner)
     ]
-    players += [("learned", ",".join(options.learned), ())] if options.learned else []
+    learned = folders_of(options.learned)
+    players += [(name, f"{agent_of(name)}={folder}", ()) for name, folder in learned.items()]
     for who, agents, reasoner in players:
         out = ("--out", str(place(options, split, kind, who)))
         given = ("--agents", agents, *reasoner, "--policy-model", model, *assets)
         commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
-    names = [name for result in told for name in result["agents"]]
-    return {name: _across(name, told) for name in dict.fromkeys(names)}
+    reasoned = told[: len(options.reasoner)]
+    rows = {name: _across(name, reasoned) for name in dict.fromkeys(name for one in reasoned for name in one["agents"])}
+    return rows | {
+        name: _across(agent_of(name), [one]) for name, one in zip(learned, told[len(options.reasoner) :], strict=True)
+    }
 
 
 def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
-    """Folder of an evaluation: with the reasoner of that number, or of the learned baselines."""
+    """Folder of an evaluation: with the reasoner of that number, or of the learned baseline of that name."""
     return Path(options.work / f"judged-{split}-{kind}-{who}")
 
 
-def origin(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any]:
+def origin(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> dict[str, Any]:
     """Which tasks, histories and models an evaluation was about, with what versions."""
-    told = read_result(place(options, split, kind) / RESULT, "plan")
+    told = read_result(place(options, split, kind, who) / RESULT, "plan")
     return {key: told[key] for key in ORIGINS}
 
 
@@ -96,6 +103,11 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
 def folders_of(learned: list[str]) -> dict[str, Path]:
     """Folders of the learned baselines' trainings, by their names, of words like `bc=FOLDER`."""
     return {name: Path(folder) for name, _, folder in (given.partition("=") for given in learned)}
+
+
+def agent_of(name: str) -> str:
+    """What a learned baseline is played as: `bc-attention` is another training of `bc`."""
+    return name.partition("-")[0]
 
 
 def training(folder: Path) -> dict[str, Any]:
@@ -120,16 +132,19 @@ def measured(options: argparse.Namespace, agents: tuple[str, ...] = AGENTS) -> I
     rows: dict[str, Any] = {}
     typed: list[str] = []
     origins: dict[str, Any] = {}
+    compared: dict[str, Any] = {}
     for split in SPLITS:
         for kind in KINDS:
             for agent, scores in cell(split, kind, options, typed, agents).items():
                 rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
                 print(f"{split:13} {kind:12} {agent:24} {100 * scores['success']:5.1f}", flush=True)
-            origins[f"{split}, {kind}"] = origin(options, split, kind)
+            if options.reasoner:
+                origins[f"{split}, {kind}"] = origin(options, split, kind)
+                compared[f"{split}, {kind}"] = against(options, split, kind)
             for name, folder in folders_of(options.learned).items():
+                origins[f"{split}, {kind}, {name}"] = origin(options, split, kind, name)
                 rows[name]["training"] = [training(folder)]
             about = {"assets": assets_name(options.assets), "tasks": options.boards, "commands": typed}
-            compared = {name: against(options, *name.split(", ")) for name in origins}
             yield {**about, "origins": origins, "compared": compared, "rows": rows}
 
 
@@ -138,7 +153,7 @@ def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     made = parser(__doc__)
     made.add_argument("--policy-model", required=not given)
     made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
-    made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER")
+    made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER, bc-again=FOLDER")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
     made.set_defaults(**given)
@@ -157,6 +172,14 @@ def procedural(words: list[str]) -> None:
         finish("plan-procedural", options, {"agents": result.pop("rows"), **result})
 
 
+def learned(words: list[str]) -> None:
+    options = parsed(words, reasoner=[])
+    if options.reasoner or not options.learned or not options.policy_model:
+        raise UsageError("learned baselines play, and nobody else", "name --policy-model and --learned, no --reasoner")
+    for result in measured(options):
+        finish("plan-learned", options, {"agents": result.pop("rows"), **result})
+
+
 def network(words: list[str]) -> None:
     options = parsed(words)
     if len(options.reasoner) > 1 or options.learned:
@@ -171,4 +194,4 @@ def against(options: argparse.Namespace, split: str, kind: str) -> dict[str, Any
 
 
 if __name__ == "__main__":
-    one_of(main, network=network, procedural=procedural)
+    one_of(main, learned=learned, network=network, procedural=procedural)

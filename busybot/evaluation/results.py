@@ -78,6 +78,7 @@ KINDS = {
     "collection-parts": "python -m benchmarks.speed.parts",
     "world-costs": "python -m benchmarks.speed.parts worlds",
     "drawing": "python -m benchmarks.speed.parts drawing",
+    "plan-learned": "python -m benchmarks.tables.table3 learned",
     "plan-network": "python -m benchmarks.tables.table3 network",
     "waiting": "python -m benchmarks.speed.waiting",
     "scale": "python -m benchmarks.speed.scale",

@@ -170,6 +170,33 @@ def test_the_papers_agents_are_compared_with_the_papers_network(
     assert len(told["compared"]) == len(told["origins"]) == 6
 
 
+def test_trainings_of_a_learned_agent_are_told_apart_by_their_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def answer(*arguments: str) -> dict[str, Any]:
+        if arguments[0] != "eval":
+            return {}
+        assert "--reasoner" not in arguments
+        share = {"bc=lstm": 0.5, "bc=looks-back": 0.9}[arguments[arguments.index("--agents") + 1]]
+        row = dict.fromkeys(table3.DETAILS) | {"success": share, "object_interval": [share, 1.0]}
+        out = Path(arguments[arguments.index("--out") + 1])
+        write_result(out / RESULT, stamp("plan") | {"dataset": {}, "provenance": {"agent": share}})
+        return {"agents": {"bc": row}, "timing": {"bc": {}}}
+
+    monkeypatch.setattr(table3, "busybot", answer)
+    monkeypatch.setattr(table3, "training", lambda folder: {"minutes": len(folder.name)})
+    words = ["--policy-model", "policy", "--work", str(tmp_path / "w"), "--out", str(tmp_path / "told.json")]
+    table3.learned([*words, "--learned", "bc=lstm", "bc-attention=looks-back"])
+    told = read_result(tmp_path / "told.json", "plan-learned")
+    cells = {name: row["splits"]["novel-object"]["one-to-many"]["success"] for name, row in told["agents"].items()}
+    assert cells == {"bc": 0.5, "bc-attention": 0.9} and told["compared"] == {}
+    assert told["agents"]["bc-attention"]["training"] == [{"minutes": len("looks-back")}]
+    assert told["origins"]["train, one-to-one, bc-attention"]["provenance"] == {"agent": 0.9}
+    for wrong in (["--learned"], ["--learned", "bc=lstm", "--reasoner", "event"]):
+        with pytest.raises(UsageError, match="learned baselines play, and nobody else"):
+            table3.learned([*words, *wrong])
+
+
 def test_several_reasoners_have_the_widest_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def answer(*arguments: str) -> dict[str, Any]:
         if arguments[0] != "eval":

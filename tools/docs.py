@@ -110,6 +110,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/plan.md": {
         "decision-time": speed_tables.decision_time,
         "learned-agents": tables.learned_agents,
+        "learned-plans": tables.learned_plans,
         "table3": tables.table3,
         "whole-pipeline": tables.whole_pipeline,
         "plan-procedural": tables.plan_procedural,

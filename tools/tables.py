@@ -214,6 +214,21 @@ def learned_agents() -> str:
     return markdown([plain_grid(heads, lines, "percent")])
 
 
+REMEMBERING = {"bc": "behaviour cloning, LSTM", "bc-attention": "behaviour cloning, attention"}
+"""What trainings of learned agents are called that play Table 3's tasks."""
+
+
+def learned_plans() -> str:
+    """What learned agents reach on Table 3's tasks, by how they remember."""
+    found = rows_of(PLANNING.number, result("plan-learned")["agents"])
+    places = [*product(PLANNING.splits, KINDS)]
+    heads = [f"{PLANNING.splits[split]}: {PLANNING.keys[kind]}" for split, kind in places]
+    lines = [(words, [cell(found[name].cells[place]) for place in places]) for name, words in REMEMBERING.items()]
+    lines += [the_papers(PLANNING, "BC", places)]
+    told = [Text(f"{REMEMBERING[name]}: {_practised(one)}") for name, row in found.items() for one in row.trainings]
+    return markdown([plain_grid(heads, lines, "percent"), *told])
+
+
 def _mean(shares: Iterable[float]) -> str:
     """Percent, with the extremes where seeds differ."""
     found = [100 * one for one in shares]

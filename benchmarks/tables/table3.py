@@ -74,11 +74,10 @@ def cell(
         commands.append(("eval", "plan", str(tasks), *given, *out))
     typed += [as_typed(command, _places(options)) for command in commands]
     told = [busybot(*command) for command in commands][2:]
-    reasoned = told[: len(options.reasoner)]
-    rows = {name: _across(name, reasoned) for name in dict.fromkeys(name for one in reasoned for name in one["agents"])}
-    return rows | {
-        name: _across(agent_of(name), [one]) for name, one in zip(learned, told[len(options.reasoner) :], strict=True)
-    }
+    reasoned, alone = told[: len(options.reasoner)], told[len(options.reasoner) :]
+    names = [name for result in reasoned for name in result["agents"]]
+    rows = {name: _across(name, reasoned) for name in dict.fromkeys(names)}
+    return rows | {name: _across(agent_of(name), [one]) for name, one in zip(learned, alone, strict=True)}
 
 
 def place(options: argparse.Namespace, split: str, kind: str, who: str = "0") -> Path:
@@ -151,8 +150,8 @@ def measured(options: argparse.Namespace, agents: tuple[str, ...] = AGENTS) -> I
 def parsed(words: list[str], **given: Any) -> argparse.Namespace:
     """Options of the command line; what is given counts unless an option says otherwise."""
     made = parser(__doc__)
-    made.add_argument("--policy-model", required=not given)
-    made.add_argument("--reasoner", nargs="+", required=not given, help="one for each seed")
+    made.add_argument("--policy-model", required="policy_model" not in given)
+    made.add_argument("--reasoner", nargs="+", required="reasoner" not in given, help="one for each seed")
     made.add_argument("--learned", nargs="*", default=[], help="learned baselines, as bc=FOLDER, bc-again=FOLDER")
     made.add_argument("--boards", type=int, default=50, help="tasks in each cell")
     made.add_argument("--work", type=Path, required=True)
@@ -174,8 +173,8 @@ def procedural(words: list[str]) -> None:
 
 def learned(words: list[str]) -> None:
     options = parsed(words, reasoner=[])
-    if options.reasoner or not options.learned or not options.policy_model:
-        raise UsageError("learned baselines play, and nobody else", "name --policy-model and --learned, no --reasoner")
+    if options.reasoner or not options.learned:
+        raise UsageError("learned baselines play, and nobody else", "name them with --learned, and no --reasoner")
     for result in measured(options):
         finish("plan-learned", options, {"agents": result.pop("rows"), **result})
 

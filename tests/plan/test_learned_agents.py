@@ -50,6 +50,7 @@ LOOP = LoopConfig(judge=2, report=1, patience=0)
 BC = BcConfig(iterations=6, batch=4, net=NET, loop=LOOP)
 ATTENTIVE = BC.model_copy(update={"net": NET.model_copy(update={"memory": "attention"})})
 PPO = PpoConfig(iterations=4, envs=2, steps=30, batch=30, epochs=2, shuffle=False, net=NET, loop=LOOP)
+ATTENTIVE_PPO = PPO.model_copy(update={"net": ATTENTIVE.net})
 
 
 def sb3_or_skip() -> None:
@@ -152,11 +153,6 @@ def test_cards_and_trainings_without_a_choice_of_memory_are_as_they_were() -> No
     assert BcConfig.model_validate(ATTENTIVE.model_dump()) == ATTENTIVE
 
 
-def test_attention_is_for_bc() -> None:
-    with pytest.raises(ValueError, match="attention is for bc"):
-        PpoConfig(net=PolicyNetworkConfig(memory="attention"))
-
-
 @pytest.mark.parametrize("memory", ["lstm", "attention"])
 def test_bc_learns_to_reach_goals_and_plays_as_it_learned(memory: Literal["lstm", "attention"]) -> None:
     boards = buttons(([0, 1],))
@@ -172,7 +168,9 @@ def test_bc_learns_to_reach_goals_and_plays_as_it_learned(memory: Literal["lstm"
     assert len(acts) == 1 and "%" in acts[0].why
 
 
-@pytest.mark.parametrize("config", [BC, ATTENTIVE, PPO], ids=["bc", "attention", "ppo"])
+@pytest.mark.parametrize(
+    "config", [BC, ATTENTIVE, PPO, ATTENTIVE_PPO], ids=["bc", "bc-attention", "ppo", "ppo-attention"]
+)
 def test_killed_and_continued_it_ends_in_the_same_weights(tmp_path: Path, config: BcConfig | PpoConfig) -> None:
     if isinstance(config, PpoConfig):
         sb3_or_skip()
@@ -237,21 +235,52 @@ def test_a_training_ends_when_its_time_is_spent(tmp_path: Path) -> None:
     assert fit(student, tmp_path, LOOP)["iterations"] == 1
 
 
-def test_ppo_plays_the_same_after_its_export(tmp_path: Path) -> None:
-    boards = toys(4)
-    student = ppo_learner(PPO, boards)
+@pytest.mark.parametrize("config", [PPO, ATTENTIVE_PPO], ids=["lstm", "attention"])
+def test_ppo_plays_the_same_after_its_export(tmp_path: Path, config: PpoConfig) -> None:
+    student = ppo_learner(config, toys(4))
     student.iterate(0)
-    save_model(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=NET), student.policy.state_dict())
+    save_model(tmp_path, PolicyInfo(agent="ppo", encoder="embedded", net=config.net), student.policy.state_dict())
     alone = load_policy(tmp_path, "ppo")[1]
-    policy = student._model.policy
-    row = demonstrate(boards[0], None, generator(0, "", 0, "test"))[0]
+    row = demonstrate(toys(1)[0], None, generator(0, "", 0, "test"))[0]
     seen, lengths = rows_of([row])
-    scores = alone.scores(alone.read(seen, lengths)[0].hidden[:, 0], as_tensors(row))
-    zeros = torch.zeros(1, 1, NET.hidden)
-    state, starts = (zeros, zeros), torch.tensor([1.0] + [0.0] * (len(scores) - 1))
-    theirs = policy.get_distribution(as_tensors(row), state, starts)[0].distribution.probs
-    assert torch.allclose(scores.softmax(dim=1), theirs, atol=1e-6)
-    assert (alone.scores(torch.zeros(1, 16), as_tensors({k: v[-1:] for k, v in row.items()})) < 1e9).all()
+    every = torch.arange(len(row["allowed"]))
+    scores = alone.scores(alone.read(seen, lengths)[0].at(every, torch.zeros_like(every)), as_tensors(row))
+    theirs, _ = heard(student, [row], torch.ones(1))
+    assert torch.allclose(scores.softmax(dim=1), theirs[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("config", [PPO, ATTENTIVE_PPO], ids=["lstm", "attention"])
+def test_ppo_reads_on_from_what_was_kept_and_forgets_where_an_episode_starts(config: PpoConfig) -> None:
+    """Whole rows at once, or cut in the middle: as RecurrentPPO collects step by step and learns from pieces."""
+    student = ppo_learner(config, toys(4))
+    rows = [demonstrate(board, None, generator(0, "", 0, "test"))[0] for board in toys(2)]
+    end = min(len(row["allowed"]) for row in rows)
+    whole, first, last = (
+        [{name: value[part] for name, value in row.items()} for row in rows]
+        for part in (slice(end), slice(end - 2), slice(end - 2, end))
+    )
+    at_once, _ = heard(student, whole, torch.ones(2))
+    before, state = heard(student, first, torch.ones(2))
+    after, _ = heard(student, last, torch.zeros(2), state)
+    assert torch.allclose(torch.cat([before, after], dim=1), at_once, atol=1e-6)
+    anew, _ = heard(student, last, torch.ones(2))
+    forgotten, _ = heard(student, last, torch.ones(2), state)
+    assert torch.equal(forgotten, anew) and not torch.allclose(anew, after, atol=1e-6)
+
+
+def heard(
+    student: "PpoLearner", rows: list[dict[str, np.ndarray]], starts: Tensor, state: tuple[Tensor, ...] | None = None
+) -> tuple[Tensor, tuple[Tensor, ...]]:
+    """Chances of all choices (B, L, 25) as sb3 hears them, and the state afterwards, of B rows of L observations."""
+    policy, length = student._model.policy, len(rows[0]["allowed"])
+    seen = as_tensors({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
+    size = policy.lstm_actor.hidden_size
+    state = state or (torch.zeros(1, len(rows), size), torch.zeros(1, len(rows), size))
+    begins = torch.zeros(len(rows), length)
+    begins[:, 0] = starts
+    with torch.no_grad():
+        distribution, after = policy.get_distribution(seen, state, begins.flatten())
+    return distribution.distribution.probs.unflatten(0, (len(rows), length)), after
 
 
 @pytest.mark.long

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, model_validator
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.plan.learning.explore import BoardGraphConfig
@@ -87,9 +87,3 @@ class PpoConfig(_Common):
     entropy: NonNegativeFloat = 0.02
     value: NonNegativeFloat = 0.5
     loop: LoopConfig = LoopConfig(report=5, judge=10, patience=0)
-
-    @model_validator(mode="after")
-    def _memory(self) -> "PpoConfig":
-        if self.net.memory != "lstm":
-            raise ValueError(f"net.memory: {self.net.memory} is for bc; RecurrentPPO keeps the state of an LSTM alone")
-        return self

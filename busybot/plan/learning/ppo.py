@@ -1,15 +1,17 @@
 """Proximal policy optimisation: maximise the success rate (paper appendix "Planning module", agent "PPO").
 
 RecurrentPPO of sb3-contrib learns on `GoalEnv`, with our network as its policy; the value of a state is read from the
-same LSTM and trains it, too, and is left behind when the policy is exported. Every iteration starts its environments
-and its random numbers anew from the seed, so a training that was killed goes on from its checkpoint as if nothing had
-happened; the episodes that are cut off at an iteration's end count as far as they came. sb3's own files are pickles:
-none is written or read.
+same LSTM and trains it, too, and is left behind when the policy is exported. RecurrentPPO keeps the hidden and the cell
+state of an LSTM; with `memory: attention`, what was done is kept with them, one half beside each. Every iteration
+starts its environments and its random numbers anew from the seed, so a training that was killed goes on from its
+checkpoint as if nothing had happened; the episodes that are cut off at an iteration's end count as far as they came.
+sb3's own files are pickles: none is written or read.
 
 Needs the extra `baselines`, so it is imported only where an agent is trained so (`train.make_learner`).
 """
 
 from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
 from typing import Any
 
 import torch
@@ -23,7 +25,18 @@ from torch import Tensor, nn
 from busybot.common.rng import generator
 from busybot.plan.learning.board_graph import ExploredBoard, GoalEnv
 from busybot.plan.learning.config import PpoConfig
-from busybot.plan.learning.network import PolicyNetwork, PolicyNetworkConfig, State, Tensors, success_of
+from busybot.plan.learning.encoding import STOP
+from busybot.plan.learning.network import (
+    IMPOSSIBLE,
+    REMEMBERED,
+    PolicyNetwork,
+    PolicyNetworkConfig,
+    Reading,
+    Recollection,
+    State,
+    Tensors,
+    success_of,
+)
 from busybot.training.checkpoint import drawing
 from busybot.training.loop import Budget, Learner
 
@@ -40,44 +53,86 @@ class GoalPolicy(RecurrentActorCriticPolicy):
         sizes = {"net_arch": [], "lstm_hidden_size": net.hidden, "shared_lstm": True, "enable_critic_lstm": False}
         super().__init__(observation_space, action_space, lr_schedule, **sizes, ortho_init=False, **others)
         self.network = PolicyNetwork(net)
-        # RecurrentPPO asks this one for its size; it is no part of its own, so that there is one copy of the weights
+        # RecurrentPPO asks this one for the size of what it keeps
         del self.lstm_actor
-        self.__dict__["lstm_actor"] = self.network.lstm
+        done = REMEMBERED * Recollection.width(net) if net.memory == "attention" else 0
+        self.__dict__["lstm_actor"] = SimpleNamespace(num_layers=1, hidden_size=net.hidden + done // 2)
         self.action_net, self.value_net = nn.Identity(), nn.Linear(net.hidden, 1)
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
 
-    def _read(self, seen: Tensors, state: State, starts: Tensor) -> tuple[Tensor, State]:
-        """What the LSTM says, (B, hidden), and its state afterwards, reset where an episode starts."""
-        return self._process_sequence(self.network.tokens(seen), state, starts, self.network.lstm)
+    def _read(self, seen: Tensors, state: State, starts: Tensor) -> tuple[Reading, State]:
+        """What is known after each of L observations in B rows, and the state afterwards.
 
-    def _distribution(self, hidden: Tensor, seen: Tensors) -> Any:
-        return self.action_dist.proba_distribution(self.network.scores(hidden, seen))
+        Args:
+            seen: (B * L, ...), row by row.
+            state: as RecurrentPPO keeps it, (1, B, ...) each.
+            starts: (B * L,), 1 where an episode starts. RecurrentPPO cuts rows there, so that it is a row's first.
+        """
+        rows = state[0].shape[1]
+        fresh = starts.unflatten(0, (rows, -1))[:, :1]
+        seen = {name: value.unflatten(0, (rows, -1)).transpose(0, 1) for name, value in seen.items()}
+        lengths = torch.full((rows,), len(seen["allowed"]))
+        known, after = self.network.read(seen, lengths, self._apart([(1 - fresh) * part for part in state]))
+        return known, self._together(after)
+
+    def _apart(self, kept: Sequence[Tensor]) -> State:
+        """The network's state, of what RecurrentPPO keeps."""
+        hidden = self.network.config.hidden
+        state = tuple(part[..., :hidden].contiguous() for part in kept)
+        if self.network.recollection is None:
+            return state
+        done = torch.cat([part[0, :, hidden:] for part in kept], dim=-1)
+        return (*state, done.unflatten(-1, (REMEMBERED, -1)).transpose(0, 1))
+
+    def _together(self, state: State) -> State:
+        """The contrary of `_apart`."""
+        if self.network.recollection is None:
+            return state
+        *state_of_lstm, done = state
+        halves = done.transpose(0, 1).flatten(1).chunk(2, dim=-1)
+        return tuple(
+            torch.cat([part, half.unsqueeze(0)], dim=-1) for part, half in zip(state_of_lstm, halves, strict=True)
+        )
+
+    def _values(self, known: Reading) -> Tensor:
+        """(B * L, 1)."""
+        return torch.as_tensor(self.value_net(known.hidden.transpose(0, 1).flatten(0, 1)))
+
+    def _distribution(self, known: Reading, seen: Tensors) -> Any:
+        """Of actions. Scores are computed only where something may be chosen, one observation in six."""
+        scores = torch.full_like(seen["allowed"], IMPOSSIBLE)
+        scores[:, STOP] = 0
+        deciding = seen["allowed"][:, STOP + 1 :].any(dim=1).nonzero().squeeze(1)
+        length = len(known.hidden)
+        told = known.at(deciding % length, deciding // length)
+        scores[deciding] = self.network.scores(told, {name: value[deciding] for name, value in seen.items()})
+        return self.action_dist.proba_distribution(scores)
 
     def forward(
         self, obs: Tensors, lstm_states: Any, episode_starts: Tensor, deterministic: bool = False
     ) -> tuple[Tensor, Tensor, Tensor, Any]:
-        """Actions, values, log-probabilities, and the states of the LSTM."""
-        hidden, state = self._read(obs, lstm_states.pi, episode_starts)
-        distribution = self._distribution(hidden, obs)
+        """Actions, values, log-probabilities, and the states."""
+        known, state = self._read(obs, lstm_states.pi, episode_starts)
+        distribution = self._distribution(known, obs)
         actions = distribution.get_actions(deterministic=deterministic)
-        return actions, self.value_net(hidden), distribution.log_prob(actions), RNNStates(state, state)
+        return actions, self._values(known), distribution.log_prob(actions), RNNStates(state, state)
 
     def get_distribution(self, obs: Tensors, lstm_states: State, episode_starts: Tensor) -> tuple[Any, State]:
-        """Of actions, and the state of the LSTM."""
-        hidden, state = self._read(obs, lstm_states, episode_starts)
-        return self._distribution(hidden, obs), state
+        """Of actions, and the state."""
+        known, state = self._read(obs, lstm_states, episode_starts)
+        return self._distribution(known, obs), state
 
     def predict_values(self, obs: Tensors, lstm_states: State, episode_starts: Tensor) -> Tensor:
         """Values, (B, 1)."""
-        return torch.as_tensor(self.value_net(self._read(obs, lstm_states, episode_starts)[0]))
+        return self._values(self._read(obs, lstm_states, episode_starts)[0])
 
     def evaluate_actions(
         self, obs: Tensors, actions: Tensor, lstm_states: Any, episode_starts: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Values, log-probabilities of the actions, and entropies."""
-        hidden, _ = self._read(obs, lstm_states.pi, episode_starts)
-        distribution = self._distribution(hidden, obs)
-        return self.value_net(hidden), distribution.log_prob(actions), distribution.entropy()
+        known, _ = self._read(obs, lstm_states.pi, episode_starts)
+        distribution = self._distribution(known, obs)
+        return self._values(known), distribution.log_prob(actions), distribution.entropy()
 
 
 class PpoLearner(Learner):

@@ -214,7 +214,12 @@ def learned_agents() -> str:
     return markdown([plain_grid(heads, lines, "percent")])
 
 
-REMEMBERING = {"bc": "behaviour cloning, LSTM", "bc-attention": "behaviour cloning, attention"}
+REMEMBERING = {
+    "bc": "behaviour cloning, LSTM",
+    "bc-attention": "behaviour cloning, attention",
+    "ppo": "PPO, LSTM",
+    "ppo-attention": "PPO, attention",
+}
 """What trainings of learned agents are called that play Table 3's tasks."""
 
 
@@ -224,7 +229,7 @@ def learned_plans() -> str:
     places = [*product(PLANNING.splits, KINDS)]
     heads = [f"{PLANNING.splits[split]}: {PLANNING.keys[kind]}" for split, kind in places]
     lines = [(words, [cell(found[name].cells[place]) for place in places]) for name, words in REMEMBERING.items()]
-    lines += [the_papers(PLANNING, "BC", places)]
+    lines += [the_papers(PLANNING, agent, places) for agent in ("BC", "PPO")]
     told = [Text(f"{REMEMBERING[name]}: {_practised(one)}") for name, row in found.items() for one in row.trainings]
     return markdown([plain_grid(heads, lines, "percent"), *told])
 

@@ -55,7 +55,7 @@ class GoalPolicy(RecurrentActorCriticPolicy):
         self.network = PolicyNetwork(net)
         # RecurrentPPO asks this one for the size of what it keeps
         del self.lstm_actor
-        done = REMEMBERED * Recollection.width(net) if net.memory == "attention" else 0
+        done = 0 if self.network.recollection is None else REMEMBERED * Recollection.width(net)
         self.__dict__["lstm_actor"] = SimpleNamespace(num_layers=1, hidden_size=net.hidden + done // 2)
         self.action_net, self.value_net = nn.Identity(), nn.Linear(net.hidden, 1)
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
@@ -85,7 +85,7 @@ class GoalPolicy(RecurrentActorCriticPolicy):
         return (*state, done.unflatten(-1, (REMEMBERED, -1)).transpose(0, 1))
 
     def _together(self, state: State) -> State:
-        """The contrary of `_apart`."""
+        """What RecurrentPPO keeps, of the network's state."""
         if self.network.recollection is None:
             return state
         *state_of_lstm, done = state

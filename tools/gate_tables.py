@@ -18,11 +18,38 @@ _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 """Figures of each seed, by world and set."""
 
 
+def gates_glance() -> str:
+    """How many of the seeds' gates hold, by world, by who acted, and by what is asked."""
+    learned, curious, lines = _judged(), _judged_curious(), []
+    for world in dict.fromkeys(world for world, _ in learned):
+        for split, told, words in (
+            ("novel-object", learned, "new objects, learned"),
+            ("novel-object", curious, "new objects, curious"),
+            ("novel-mechanism", learned, "new kinds, learned"),
+        ):
+            if seeds := told.get((world, split)):
+                lines.append((f"{world}: {words}", _held(world, split, seeds)))
+    return markdown([plain_grid(ABOUT, lines, "gates that hold")])
+
+
+def _held(world: str, split: str, seeds: list[dict[str, Any]]) -> list[str]:
+    """Of each thing that is asked about, how many gates of all seeds hold; nothing where none is asked."""
+    gates = [gate for one in seeds for gate in _gates(world, split, one)]
+    cells = []
+    for about in ABOUT:
+        held = [gate.value is not None and gate.reached(gate.value) for gate in gates if gate.about == about]
+        cells.append(reaching(sum(held), len(held)) if held else "")
+    return cells
+
+
 def world_gates() -> str:
-    """What trainings from several seeds reach on the validation sets and the test sets: each gate, and the figures that
-    gates are about."""
-    told = _judged()
-    return markdown([_gates_grid(told), _figures_grid(told)])
+    """What trainings from several seeds reach on the validation sets and the test sets: each gate."""
+    return markdown([_gates_grid(_judged())])
+
+
+def gate_figures() -> str:
+    """The figures that the gates are about, of the same models on the same sets."""
+    return markdown([_figures_grid(_judged())])
 
 
 def calibration() -> str:
@@ -43,11 +70,14 @@ def gate_reasons() -> str:
 
 
 def curious_gates() -> str:
-    """The same gates and figures where the model that ships chose what was done, of the same five models."""
-    rows = result("curious-gates")["rows"]
-    told = {(world, split): list(seeds.values()) for world, sets in rows.items() for split, seeds in sets.items()}
-    _check_judged({**_judged(), **{(world, f"curious {split}"): seeds for (world, split), seeds in told.items()}})
-    return markdown([_gates_grid(told), _figures_grid(told), _reasons_grid(told)])
+    """The same gates where the model that ships chose what was done, of the same five models."""
+    return markdown([_gates_grid(_judged_curious())])
+
+
+def curious_figures() -> str:
+    """The figures of `curious_gates`, and why what is missed is missed."""
+    told = _judged_curious()
+    return markdown([_figures_grid(told), _reasons_grid(told)])
 
 
 def pipeline_gates() -> str:
@@ -72,6 +102,14 @@ def _judged() -> _Judged:
         for split, seeds in (cell for rows in files for cell in rows.get(world, {}).items()):
             told[world, split] = list(seeds.values())
     _check_judged(told)
+    return told
+
+
+def _judged_curious() -> _Judged:
+    """The rows of the sets on which the model that ships chose what was done."""
+    rows = result("curious-gates")["rows"]
+    told = {(world, split): list(seeds.values()) for world, sets in rows.items() for split, seeds in sets.items()}
+    _check_judged({**_judged(), **{(world, f"curious {split}"): seeds for (world, split), seeds in told.items()}})
     return told
 
 
@@ -109,18 +147,25 @@ def _seeds_cell(values: list[float | None], gate: "_Gate", more: str = "") -> st
     return f"{number(100 * sum(known) / len(known))}{spread}{more} {reaching(reached, len(values))}"
 
 
+PARENTS = "parents"
+ABOUT = (PARENTS, "rewirings", "mechanisms", "what if", "Pred-A", "calibration")
+"""What gates of worlds ask about."""
+
+
 @dataclass(frozen=True)
 class _Gate:
     """A gate of a world, and what a model has there.
 
     Attributes:
         least: it is to be reached from below.
+        about: what it asks about, one of `ABOUT`.
     """
 
     words: str
     value: float | None
     limit: float
     least: bool = True
+    about: str = PARENTS
 
     @property
     def asked(self) -> str:
@@ -139,22 +184,23 @@ def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:
         found += [_Gate(f"F1 of links behind the bound, {one}", lag, 0.04, False) for one, lag in behind.items()]
         known = told["mechanism_accuracy"]
         lag = None if known is None else told["mechanism_bound"] - known
-        found.append(_Gate("mechanisms behind the bound", lag, 0.08, False))
+        found.append(_Gate("mechanisms behind the bound", lag, 0.08, False, "mechanisms"))
     if split == "novel-mechanism":
         found.append(_Gate("F1 of links behind the bound, 30, novel mechanisms", behind[30], 0.08, False))
     if world == "paper":
         asked = {"P of parents, 22": ("parent_p", 0.99), "R of parents, 22": ("parent_r", 0.99)}
         found += [_Gate(words, told[key], limit) for words, (key, limit) in asked.items()]
-        found.append(_Gate("Pred-A", told["pred_a"], 0.92))
+        found.append(_Gate("Pred-A", told["pred_a"], 0.92, about="Pred-A"))
     if world == "chance":
         found += [_Gate(f"{name} of parents, 22", told[f"parent_{name[0].lower()}"], 0.95) for name in ("P", "R")]
     if world == "chain":
         found.append(_Gate("F1 of parents, 22", told["after"]["22"]["parent_f1"], 0.9))
     if world == "rewired":
-        found.append(_Gate("rewirings found and placed", told["rewired_placed"], 0.9))
-    found.append(_Gate("what if", told["what_if"], 0.9))
+        found.append(_Gate("rewirings found and placed", told["rewired_placed"], 0.9, about="rewirings"))
+    found.append(_Gate("what if", told["what_if"], 0.9, about="what if"))
     worst = _worst(told)
-    return [*found, _Gate("calibration at its worst", worst["ece_uncertain"] if worst else None, 0.06, False)]
+    off = worst["ece_uncertain"] if worst else None
+    return [*found, _Gate("calibration at its worst", off, 0.06, False, "calibration")]
 
 
 def _figures_grid(told: _Judged) -> Grid:

@@ -26,6 +26,7 @@ def gates_glance() -> str:
             ("novel-object", learned, "new objects, learned"),
             ("novel-object", curious, "new objects, curious"),
             ("novel-mechanism", learned, "new kinds, learned"),
+            ("novel-mechanism", curious, "new kinds, curious"),
         ):
             if seeds := told.get((world, split)):
                 lines.append((f"{world}: {words}", _held(world, split, seeds)))

@@ -31,8 +31,12 @@ def tables(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[
     """The lines of both tables, without their heads, as cells."""
     rows = {world: {name: {f"seed-{number}": one for number, one in enumerate(seeds)}}}
     monkeypatch.setattr(gate_tables, "result", lambda file: {"rows": rows if file == "world-gates" else {}})
-    found = [grid.splitlines()[2:] for grid in gate_tables.world_gates().strip().split("\n\n")]
-    return [[[cell.strip() for cell in line.strip("|").split("|")] for line in grid] for grid in found]
+    return [_lines(table()) for table in (gate_tables.world_gates, gate_tables.gate_figures)]
+
+
+def _lines(table: str) -> list[list[str]]:
+    """The cells of a table's lines, without its head."""
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()[2:]]
 
 
 def gates(monkeypatch: pytest.MonkeyPatch, world: str, name: str, *seeds: dict[str, Any]) -> dict[str, str]:
@@ -75,6 +79,23 @@ def test_of_several_seeds_the_mean_and_the_worst_are_told(monkeypatch: pytest.Mo
         ["time, validation", "2", "2", "96 / 99", "95 / 95 [95-95] / 95 (98 / 98 / 98)", "80 [75-85] (90)", "88 (89)",
          "90", "70", "-10", "95 / 75", "0.10", "5 (4)"]
     ]  # fmt: skip
+
+
+def test_at_a_glance_it_is_told_how_many_gates_hold_of_each_policy(monkeypatch: pytest.MonkeyPatch) -> None:
+    late = row(after=row()["after"] | {"10": {**row()["after"]["10"], "link_parent_f1": 0.93}}, what_if=0.8)
+    files = {
+        "world-gates": {
+            "gates": {"novel-object": {"a": row(), "b": late}, "novel-mechanism": {"a": late, "b": late}},
+            "chain": {"novel-config": {"a": row(), "b": row()}},
+        },
+        "curious-gates": {"gates": {"novel-object": {"a": row(), "b": row()}}},
+    }
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files.get(name, {})})
+    assert _lines(gate_tables.gates_glance()) == [
+        ["gates: new objects, learned", "5 of 6", "", "✓", "1 of 2", "", "✓"],
+        ["gates: new objects, curious", "✓", "", "✓", "✓", "", "✓"],
+        ["gates: new kinds, learned", "✓", "", "", "✗", "", "✓"],
+    ]
 
 
 def test_beliefs_are_told_after_each_number_of_images_with_the_pairs_that_they_are_about(

@@ -41,6 +41,7 @@ from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
 from busybot.reason.inputs.steady import Steady
+from busybot.reason.inputs.trigger_links import LinkWatch
 from busybot.reason.models.base import Curious
 from busybot.reason.models.registry import reasoner_of
 from busybot.sim.policy import Action, Detections
@@ -76,6 +77,7 @@ class Watched:
         self._extractor, self._latest, self._steadied = extractor, first, False
         self._features: list[np.ndarray] = []
         self._calm: list[Image] = []
+        self._watch: LinkWatch | None = None
         self._look_anew()
 
     def _look_anew(self) -> None:
@@ -109,7 +111,8 @@ class Watched:
         calm = None
         if self._steadied:
             calm = replace(self.observed, images=self._calm, image_of=tuple(range(len(self._calm))))
-        return sequence_of(self.observed, np.stack(self._features), calm)
+        self._watch = LinkWatch(self.observed, calm, self._watch)
+        return sequence_of(self.observed, np.stack(self._features), self._watch)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.reason.inputs.observation import ObservedEpisode
-    from busybot.reason.inputs.trigger_links import ObservedLinks
+    from busybot.reason.inputs.trigger_links import LinkWatch, ObservedLinks
 
 CHANNELS = 256
 """Numbers per object and frame (paper section 4.2)."""
@@ -108,15 +108,13 @@ class BoardSequence:
         return self.once(("first", steps), shortened)
 
 
-def sequence_of(
-    observed: "ObservedEpisode", features: np.ndarray, calm: "ObservedEpisode | None" = None
-) -> BoardSequence:
+def sequence_of(observed: "ObservedEpisode", features: np.ndarray, watch: "LinkWatch | None" = None) -> BoardSequence:
     """Put features beside what else a reasoner may read.
 
     Args:
         features: (T + 1, N, 256) of the frames of `observed`, any floating type; those of triggers and of objects
             without a box are replaced by zeros.
-        calm: the same recording as `steadied` makes it, for who has it already and asks about links.
+        watch: of the recording's links, for who has it already.
 
     Raises:
         BusybotError: the features are not those of so many frames and objects.
@@ -139,7 +137,7 @@ def sequence_of(
         triggers=roles == "trigger",
         responders=roles == "responder",
         world=observed.world,
-        watch=lru_cache(maxsize=None)(LinkWatch(observed, calm).first),
+        watch=lru_cache(maxsize=None)((watch or LinkWatch(observed)).first),
     )
 
 

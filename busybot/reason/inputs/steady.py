@@ -69,12 +69,16 @@ def steadied(observed: ObservedEpisode) -> ObservedEpisode:
     return replace(observed, images=images)
 
 
-def still_pictures(observed: ObservedEpisode) -> int:
+def still_pictures(observed: ObservedEpisode, known: int = 1) -> int:
     """How many pictures, of `pictures_of` the first ones, are those of a perfect camera: of most pixels, the next one
-    tells the same."""
+    tells the same.
+
+    Args:
+        known: so many of them are, as is known of a part of the recording.
+    """
     pictures = pictures_of(observed)
-    before = cv2.cvtColor(observed.images[pictures[0]].rgb, cv2.COLOR_RGB2GRAY)
-    for number, one in enumerate(pictures[1:], start=1):
+    before = cv2.cvtColor(observed.images[pictures[known - 1]].rgb, cv2.COLOR_RGB2GRAY)
+    for number, one in enumerate(pictures[known:], start=known):
         after = cv2.cvtColor(observed.images[one].rgb, cv2.COLOR_RGB2GRAY)
         if 2 * cv2.countNonZero(cv2.absdiff(before, after)) >= before.size:
             return number

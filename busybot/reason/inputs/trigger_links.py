@@ -25,7 +25,7 @@ from busybot.episodes.episode import Camera
 from busybot.reason.inputs.link_tracking import lasts, tracked
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
-from busybot.reason.inputs.trigger_views import Move, UnsteadyTriggers, View, still_views
+from busybot.reason.inputs.trigger_views import Move, StillTriggers, UnsteadyTriggers, View
 
 STATES = 3
 """A link has so many at most."""
@@ -124,10 +124,15 @@ class LinkWatch:
     Args:
         observed: T actions.
         calm: the same as `steadied` makes it, if that was done already.
+        shorter: watches the beginning of the same recording: what it has looked at is not looked at again.
     """
 
-    def __init__(self, observed: ObservedEpisode, calm: ObservedEpisode | None = None):
+    def __init__(
+        self, observed: ObservedEpisode, calm: ObservedEpisode | None = None, shorter: "LinkWatch | None" = None
+    ):
         self._observed, self._calm = observed, calm
+        self._known_still: int = 1 if shorter is None else shorter._known_still
+        self._triggers: StillTriggers | None = None if shorter is None else shorter._triggers
 
     def first(self, steps: int, effects: tuple[bool, ...] | None = None) -> ObservedLinks:
         """What pictures show in the first so many actions.
@@ -148,7 +153,8 @@ class LinkWatch:
 
     @cached_property
     def _still(self) -> int:
-        return still_pictures(self._observed)
+        self._known_still = still_pictures(self._observed, self._known_still)
+        return self._known_still
 
     @cached_property
     def _unsteady(self) -> UnsteadyTriggers:
@@ -157,7 +163,8 @@ class LinkWatch:
     @cached_property
     def _views(self) -> dict[int, View]:
         """How a still camera shows a trigger in a frame does not depend on later ones."""
-        return still_views(self._observed)
+        self._triggers = self._triggers or StillTriggers(self._observed)
+        return self._triggers.views(self._observed)
 
 
 def _links_of(

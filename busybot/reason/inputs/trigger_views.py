@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from busybot.episodes.episode import Image
 from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks, Region
 from busybot.reason.inputs.observation import Frame, ObservedEpisode
 
@@ -41,7 +42,7 @@ class View:
 
     Args:
         pictures: looks, float32 (h, w, C), by their number.
-        frames: int (T + 1,), number of the picture that each frame shows.
+        frames: int (T + 1,), number of the picture that each frame shows; more of them when the recording grows.
         least: float (C,) or (1,), what a pixel that did not change may differ by.
         masks: of two frames, which pixels may have changed, bool (h, w).
         pixels: more than so many changed, if any did.
@@ -80,35 +81,59 @@ class View:
         return Move(step, changed, np.where(changed[..., None], after - before, 0))
 
 
-def still_views(observed: ObservedEpisode) -> dict[int, View]:
-    """The triggers that the first frame shows, by their index. No look depends on later ones.
+class StillTriggers:
+    """The triggers that the first frame shows, in pictures of a still camera. No look depends on later ones: of a
+    recording that grows only what is new is looked at.
 
     From the first picture on of which most of the depth differs from the last one's, depth tells nothing.
     """
-    pixels, frames = ObjectMasks(observed), np.array(observed.image_of)
-    regions = {int(one): pixels.regions[one] for one in observed.triggers if one in pixels.regions}
-    looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in regions}
-    deep, resting = observed.boxed.depth, True
-    for number in dict.fromkeys(observed.image_of):
-        image = observed.images[number]
-        if deep is not None and image.depth is not None and resting:
-            now = np.where(image.depth > 0, image.depth, deep)  # what lies in a hole is where it was seen last
-            resting = 2 * int(np.count_nonzero(now != deep)) < now.size
-            deep = now if resting else deep
-        for one, region in regions.items():
+
+    def __init__(self, observed: ObservedEpisode):
+        self._observed, self._pixels = observed, ObjectMasks(observed)
+        regions = self._pixels.regions
+        self._regions = {int(one): regions[one] for one in observed.triggers if one in regions}
+        self._looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in self._regions}
+        self._deep, self._resting, self._seen = observed.boxed.depth, True, set[int]()
+        least = np.array([ChangeConfig().tolerance] * COLOURS + [DEEP] * (self._deep is not None), np.float32)
+        self._views = {
+            one: View(
+                self._looks[one],
+                np.array(observed.image_of),
+                least,
+                partial(self._masks, one),
+                corner=(region.rows.start, region.columns.start),
+            )
+            for one, region in self._regions.items()
+        }
+
+    def views(self, observed: ObservedEpisode) -> dict[int, View]:
+        """By the trigger's index; the same ones each time, of more frames.
+
+        Args:
+            observed: the recording, or what it has grown to.
+        """
+        self._observed = observed
+        for number in dict.fromkeys(observed.image_of):
+            if number not in self._seen:
+                self._look(number, observed.images[number])
+        for view in self._views.values():
+            view.frames = np.array(observed.image_of)
+        return self._views
+
+    def _look(self, number: int, image: Image) -> None:
+        self._seen.add(number)
+        if self._deep is not None and image.depth is not None and self._resting:
+            now = np.where(image.depth > 0, image.depth, self._deep)  # what lies in a hole is where it was seen last
+            self._resting = 2 * int(np.count_nonzero(now != self._deep)) < now.size
+            self._deep = now if self._resting else self._deep
+        for one, region in self._regions.items():
             place = region.rows, region.columns
-            rgb = image.rgb[place].astype(np.float32)
-            looks[one][number] = rgb if deep is None else np.dstack([rgb, deep[place] / np.float32(LEVEL)])
+            rgb, deep = image.rgb[place].astype(np.float32), self._deep
+            self._looks[one][number] = rgb if deep is None else np.dstack([rgb, deep[place] / np.float32(LEVEL)])
 
-    def masks(trigger: int, one: int, other: int) -> np.ndarray:
-        before, after = (pixels.masks(trigger, number) for number in (one, other))
+    def _masks(self, trigger: int, one: int, other: int) -> np.ndarray:
+        before, after = (self._pixels.masks_of(trigger, self._observed.frame(number)) for number in (one, other))
         return np.asarray((before[0] | after[0]) & ~before[1] & ~after[1])
-
-    least = np.array([ChangeConfig().tolerance] * COLOURS + [DEEP] * (deep is not None), np.float32)
-    return {
-        one: View(looks[one], frames, least, partial(masks, one), corner=(region.rows.start, region.columns.start))
-        for one, region in regions.items()
-    }
 
 
 class UnsteadyTriggers:
@@ -127,7 +152,7 @@ class UnsteadyTriggers:
         self._latest: tuple[int, dict[int, View]] = (-1, {})
 
     def views(self, acted: np.ndarray) -> dict[int, View]:
-        """As of `still_views`, of the first so many actions; asked for the same ones again, the same.
+        """As of `StillTriggers`, of the first so many actions; asked for the same ones again, the same.
 
         Args:
             acted: int (T,), the trigger that each of these took hold of.

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.trigger_links import LinkWatch, ObservedLinks, _Link, _together, _tries, _whole
-from busybot.reason.inputs.trigger_views import Move, still_views
+from busybot.reason.inputs.trigger_views import Move, StillTriggers
 from tests.reason.scenes import Patch, Scene
 
 PLATE = Patch((20, 20, 60, 60), (200, 200, 200))
@@ -132,7 +132,8 @@ def test_a_button_that_colours_do_not_show_is_seen_by_depth() -> None:
 def test_neither_lost_nor_noisy_depth_moves_anything() -> None:
     lost = observe_links(pressed(lost=True))
     assert lost.states[:, lost.clusters[0]].tolist() == [0, 1, 1, 0, 0, 0, 1], "seen when it is there again"
-    views = still_views(pressed(np.random.default_rng(0)))
+    noisy = pressed(np.random.default_rng(0))
+    views = StillTriggers(noisy).views(noisy)
     assert not views[0].moves(np.arange(6)), "colours alone are looked at where depth does not rest"
 
 
@@ -186,12 +187,31 @@ def test_what_was_watched_further_shows_of_the_first_actions_what_they_alone_sho
     observed, _ = played(MOVES)
     watch = LinkWatch(observed)
     for steps in (len(MOVES), *range(len(MOVES))):
-        one, other = vars(watch.first(steps)), vars(observe_links(observed.first(steps + 1)))
-        assert one.pop("camera") is other.pop("camera")
-        for name, value in one.items():
-            told = zip(value, other[name], strict=True) if isinstance(value, tuple) else [(value, other[name])]
-            for own, alone in told:
-                np.testing.assert_array_equal(own, alone, err_msg=f"{name} after {steps}")
+        assert_alike(watch.first(steps), observe_links(observed.first(steps + 1)))
+
+
+def test_who_watches_on_sees_what_is_seen_at_once_and_looks_at_no_picture_again() -> None:
+    """Also where the camera turns out not to be still."""
+    scene = played(MOVES)[0]
+    stirred = [*scene.images[:4], *(replace(one, rgb=255 - one.rgb) for one in scene.images[4:])]
+    for observed in (scene, replace(scene, images=stirred), pressed(), pressed(lost=True)):
+        watch: LinkWatch | None = None
+        for steps in range(len(observed.actions) + 1):
+            part = observed.first(steps + 1)
+            watch = LinkWatch(part, shorter=watch)
+            assert_alike(watch.first(steps), observe_links(part))
+            assert_alike(watch.first(steps // 2), observe_links(observed.first(steps // 2 + 1)))
+        assert watch is not None and watch._triggers is not None
+        assert LinkWatch(observed, shorter=watch)._triggers is watch._triggers
+
+
+def assert_alike(one: ObservedLinks, other: ObservedLinks) -> None:
+    assert one.camera is other.camera
+    for name, value in vars(one).items():
+        told = getattr(other, name)
+        if name != "camera":
+            for own, alone in zip(value, told, strict=True) if isinstance(value, tuple) else [(value, told)]:
+                np.testing.assert_array_equal(own, alone, err_msg=name)
 
 
 def test_outlines_tell_where_in_its_box_a_link_is_and_how_large() -> None:

@@ -3,6 +3,7 @@
     python -m benchmarks.studies.policy_constants --assets DIR --work FOLDER --other MODEL \
         --out benchmarks/results/policy_constants.json
     python -m benchmarks.studies.policy_constants coverage --data DATASET --model MODEL --out FILE
+    python -m benchmarks.studies.policy_constants patches --data DATASET --model MODEL --out FILE
 
 Of the training objects some are held out: a copy of the library calls them novel and has no real novel object at all. A
 strict model is trained on the others and judged, under the veto, on boards of those that were held out, where it makes
@@ -14,6 +15,9 @@ veto, on new boards of them. Run it again with the same FOLDER after an interrup
 first picture of each recorded board: of the trigger links those whose best candidate promises less (they are never
 touched, as long as the board looks like that), and the candidates elsewhere that promise as much (they waste a step
 each). `PolicyConfig.collect` was chosen by this on boards of training objects.
+
+`patches` tells how many small patches of one colour on triggers are links, by what is believed of candidates on them
+with and without `candidates.PATCH`, which was chosen by this on boards of training objects.
 """
 
 import argparse
@@ -21,17 +25,23 @@ import json
 import shutil
 import sys
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser, settings
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import read_result
-from busybot.interact.policy.candidates import find_candidates
+from busybot.interact.policy.candidates import PATCH, find_candidates, held
+from busybot.interact.policy.colour_patches import patches_of
 from busybot.interact.policy.config import STRICT_POLICY, PolicyConfig
+from busybot.interact.policy.direction_pairs import logit, sigmoid
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
 
 KIND, SEED = "policy-constants", 78
@@ -66,6 +76,7 @@ BEFORE = {
 }
 """What was there before doubt on new objects was: one row varies them together."""
 KEYS = ("precision", "recall", "precision_exploring", "intervals", "failures_by_object", "missed_links")
+BELIEFS = (0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1)
 PROMISES = (0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
 
 
@@ -217,7 +228,49 @@ def covered(dataset: Dataset, name: str) -> dict[str, Any]:
     return {"dataset": origin, "boards": len(dataset.finished()), "links": links, "by_promise": told}
 
 
+def patched(dataset: Dataset, name: str) -> dict[str, Any]:
+    """Candidates on patches of the first pictures, and those of them that are on a link, by belief."""
+    model = load_once(name)
+    config, beliefs, are = policy_config(model.info, {}), list[float](), list[bool]()
+    for index in sorted(dataset.finished()):
+        episode = read_episode(dataset.episode_path(index), "lazy")
+        image, seen, rays = episode.image(0), episode.observation(0), Rays(episode.camera)
+        view = model.look(seen, rays)
+        boxes = np.array([one for one, it in zip(image.boxes, episode.board.objects, strict=True)
+                          if it.role == "trigger"], int)  # fmt: skip
+        found = find_candidates(model, seen, rays, None, config, view, triggers=boxes)
+        on = patches_of(seen.rgb, boxes, held(view.affordance)).labels[found.pixels[:, 1], found.pixels[:, 0]] > 0
+        triggers = [code for code, link in enumerate(episode.links, 1) if link.trigger]
+        assert image.segmentation is not None
+        codes = image.segmentation[found.pixels[on, 1], found.pixels[on, 0]]
+        beliefs += found.beliefs[on].tolist()
+        are += np.isin(codes, triggers).tolist()
+    believed, links = np.array(beliefs), np.array(are, bool)
+    without = sigmoid(logit(believed) - PATCH)
+    ranges = []
+    for low, high in pairwise(BELIEFS):
+        inside = (without >= low) & (without < high)
+        counted = {"candidates": int(inside.sum()), "links": int(links[inside].sum())}
+        means = {"believed": _mean(believed[inside]), "without": _mean(without[inside])}
+        ranges.append({"from": low, "to": high, **counted, **means})
+    origin = {"name": dataset.info.name, "split": dataset.info.split, "board_hash": dataset.hashes().board}
+    return {"dataset": origin, "boards": len(dataset.finished()), "patch": PATCH, "by_belief_without": ranges}
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
 def coverage(words: list[str]) -> None:
+    _counted("coverage", covered, words)
+
+
+def patches(words: list[str]) -> None:
+    _counted("patches", patched, words)
+
+
+def _counted(kind: str, count: Callable[[Dataset, str], dict[str, Any]], words: list[str]) -> None:
+    """Count something of a dataset for each of some models."""
     options = parser(__doc__, assets=False)
     options.add_argument("--data", type=Path, required=True, help="recorded dataset")
     options.add_argument("--model", nargs="+", required=True)
@@ -226,12 +279,12 @@ def coverage(words: list[str]) -> None:
     if len(set(names)) < len(names):
         options.error(f"two models have the same name: {', '.join(names)}")
     dataset, named = Dataset.open(arguments.data), dict(zip(names, arguments.model, strict=True))
-    judged = {name: covered(dataset, model) for name, model in named.items()}
+    judged = {name: count(dataset, model) for name, model in named.items()}
     models = {name: fingerprint(model)["sha256"] for name, model in named.items()}
     hashes = {"models": models, "data": {dataset.info.name: {"board_hash": dataset.hashes().board}}}
-    finish("coverage", arguments, {"models": judged}, hashes=hashes)
+    finish(kind, arguments, {"models": judged}, hashes=hashes)
     print(json.dumps(judged, indent=1))
 
 
 if __name__ == "__main__":
-    one_of(main, coverage=coverage)
+    one_of(main, coverage=coverage, patches=patches)

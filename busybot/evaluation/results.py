@@ -66,6 +66,7 @@ KINDS = {
     "perception-costs": "python -m benchmarks.studies.perception_costs",
     "changed-pixels": "python -m benchmarks.studies.splits changed-pixels",
     "coverage": "python -m benchmarks.studies.policy_constants coverage",
+    "patches": "python -m benchmarks.studies.policy_constants patches",
     "features": "python -m benchmarks.studies.features",
     "import-rules": "python -m benchmarks.studies.import_rules",
     "real-camera": "python -m benchmarks.studies.real_camera",

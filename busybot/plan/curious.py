@@ -26,7 +26,7 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
-from busybot.interact.policy.candidates import ASIDE, Candidates
+from busybot.interact.policy.candidates import ASIDE, PATCH, Candidates
 from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import (
@@ -88,6 +88,11 @@ class Watched:
     def _see(self, frame: Frame) -> None:
         self._features.append(self._sight.see(frame))
         self._calm.append(Image(self._sight.calm.rgb, self._sight.calm.depth, None, NO_BOXES))
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing tells that the camera is not still; noise makes patches of its own."""
+        return not self._steadied
 
     def changed(self, after: Observation) -> bool:
         """Whether something was seen to change: else an observation is the same object as before."""
@@ -159,6 +164,8 @@ class CuriousPolicy:
         self._seen, self._sequence, self._untried = observation, None, False
         self._reconsider(self._watched)
         self._inner.within = self._within(observation.depth.shape)
+        observed = self._watched.observed
+        self._inner.triggers = observed.boxes[observed.triggers].astype(int) if self._watched.still else None
         action = self._inner.select_action(observation, rng)
         return None if self._knows(self._watched) and not self._untried else action
 
@@ -332,7 +339,7 @@ class CuriousFactory:
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
         constants = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
-        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE}
+        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE, "patch": PATCH}
         return {
             "mode": self.learned.mode,
             "policy": policy,

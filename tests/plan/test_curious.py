@@ -72,6 +72,7 @@ def test_it_sees_while_it_acts_what_is_recorded_and_asks_what_tells_most(camera:
         assert np.array_equal(online.arrays[name], values), name
     assert np.array_equal(online.links.states, recorded.links.states)
     assert policy._sequence is not None or camera != CameraConfig()
+    assert (policy._inner.triggers is not None) == (camera == CameraConfig()), "noise makes patches of its own"
     memory = policy._inner.memory
     assert memory is not None and all(episode.steps[one.action].pixel == one.pixel for one in memory.failures)
 
@@ -192,6 +193,7 @@ def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(s
     policy: CuriousPolicy = vars(factory)["policy"]
     watched, memory = policy._watched, policy._inner.memory
     assert watched is not None and memory is not None
+    assert np.array_equal(policy._inner.triggers, watched.observed.boxes[watched.observed.triggers])
     boxes = watched.observed.boxes.copy()
     first, second = watched.observed.triggers[:2].tolist()
     boxes[:], boxes[first], boxes[second] = 0, (10, 10, 60, 60), (50, 10, 100, 60)

@@ -147,28 +147,38 @@ class BoardMemory:
         """Remember an action without reward."""
         self.failures.append(failure)
 
+    @property
+    def failed_pixels(self) -> np.ndarray:
+        """Where the failures were, int (F, 2), u and v."""
+        return np.array([one.pixel for one in self.failures], int).reshape(-1, 2)
+
     def tries(self) -> list[list[int]]:
         """For each failure the actions that failed where it was."""
-        there = self.failed_at(np.array([one.pixel for one in self.failures], int).reshape(-1, 2))
+        there = self.failed_at(self.failed_pixels)
         return [[one.action for one, near in zip(self.failures, row, strict=True) if near] for row in there]
 
     def overcome(self, beliefs: Sequence[float]) -> None:
         """Believe of each failure so much that what was in the way is not there any more: it tells so much less."""
         self.failures = [replace(one, overcome=now) for one, now in zip(self.failures, beliefs, strict=True)]
 
-    def doubted(self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def doubted(
+        self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray, elsewhere: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """What remains of the model's beliefs after what happened on this board.
 
         Args:
             pixels: int (K, 2), u and v.
             logits: (K,), that something can be moved at the pixel.
             pairs: (K, 9), that a direction pair moves it.
+            elsewhere: bool (F, K), which failures took hold of something else than what is at a pixel, however near.
 
         Returns:
             probabilities (K,) and (K, 9).
         """
         columns, rows = pixels.T
         links, nears = self.links[rows, columns], [self._near(failure, pixels) for failure in self.failures]
+        if elsewhere is not None:
+            nears = [np.where(other, 0, near) for near, other in zip(nears, elsewhere, strict=True)]
         penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
@@ -207,8 +217,7 @@ class BoardMemory:
 
     def failed_at(self, pixels: np.ndarray) -> np.ndarray:
         """Which of F failures are as near to which of the pixels (K, 2) as no two candidates are, bool (F, K)."""
-        failed = np.array([failure.pixel for failure in self.failures]).reshape(-1, 1, 2)
-        return np.asarray(np.abs(failed - pixels).max(axis=2) <= self._config.peak_radius)
+        return np.asarray(np.abs(self.failed_pixels[:, None] - pixels).max(axis=2) <= self._config.peak_radius)
 
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""

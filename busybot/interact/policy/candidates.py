@@ -16,6 +16,7 @@ from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
+from busybot.interact.policy.colour_patches import Patches, patches_of
 from busybot.interact.policy.config import OPENING, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pairs, logit, pair_scores, sigmoid
 
@@ -23,6 +24,9 @@ MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
 ASIDE = 9
 """Where little is promised, candidates are so far from each other and from where an action failed, pixels."""
+PATCH = 1.2
+"""Logits by which a small patch of one colour on a trigger is likelier a link than the model's belief in its middle, as
+it is lowered for candidates, says (`benchmarks.studies.policy_constants patches`)."""
 EVEN = 16
 """Parts of a picture begin at multiples of this, because connected regions are numbered by squares of pixels."""
 
@@ -114,6 +118,7 @@ def find_candidates(
     config: PolicyConfig | None = None,
     view: V | None = None,
     within: np.ndarray | None = None,
+    triggers: np.ndarray | None = None,
 ) -> Candidates:
     """Action candidates on what an image shows.
 
@@ -127,6 +132,8 @@ def find_candidates(
         view: what `model.look(seen, rays)` returned, if it was called already.
         within: bool (H, W), where something can be moved whatever the model says: its peaks there are candidates
             however low they are, if they are the highest around, and so is what is beside failures.
+        triggers: int (K, 4), boxes of objects that have links: the middles of small patches of one colour on them are
+            candidates, too. A patch is likelier a link, and what failed beside it took hold of something else.
 
     Returns:
         candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
@@ -140,10 +147,14 @@ def find_candidates(
     inside = _proposals(smooth, affordance, links, config)
     corner = (window[1].start, window[0].start)
     if within is not None:
-        failed = [] if memory is None else [failure.pixel for failure in memory.failures]
+        failed = np.zeros((0, 2), int) if memory is None else memory.failed_pixels
         there = within[window] & (links == 0)
-        further = _further(smooth, affordance, there, np.array(failed, int).reshape(-1, 2) - corner, config)
+        further = _further(smooth, affordance, there, failed - corner, config)
         inside = np.concatenate([inside, _apart(further, inside, config)])
+    patches = None
+    if triggers is not None:
+        patches = patches_of(seen.rgb[window], triggers - np.tile(corner, 2), held(affordance) & (links == 0))
+        inside = np.concatenate([inside, _apart(patches.centres, inside, config)])
     pixels = inside + corner
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
@@ -153,9 +164,12 @@ def find_candidates(
     directions = _doubting(directions, new, config)
     logits = config.dense_weight * smooth[inside[:, 1], inside[:, 0]] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config) - config.caution * new
+    if patches is not None:
+        logits = logits + PATCH * (patches.labels[inside[:, 1], inside[:, 0]] > 0)
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
-        beliefs, pairs = memory.doubted(pixels, logits, pairs)
+        elsewhere = None if patches is None else _elsewhere(patches, inside, memory.failed_pixels - corner)
+        beliefs, pairs = memory.doubted(pixels, logits, pairs, elsewhere)
     regions = _regions(affordance, links, inside, config)
     columns, rows = pixels.T
     positions = rays.directions[rows, columns] * seen.depth[rows, columns, None] + rays.origin
@@ -248,6 +262,16 @@ def _apart(pixels: np.ndarray, others: np.ndarray, config: PolicyConfig) -> np.n
         if not (np.abs(kept - pixel).max(axis=1) <= config.peak_radius).any():
             kept = np.vstack([kept, pixel])
     return kept[len(others) :]
+
+
+def _elsewhere(patches: Patches, pixels: np.ndarray, failed: np.ndarray) -> np.ndarray:
+    """Which of F failures, int (F, 2), took hold of something else than the patch that one of the pixels (K, 2) is on,
+    bool (F, K)."""
+    inside = np.array(((failed >= 0) & (failed < patches.labels.shape[::-1])).all(axis=1))
+    at = np.where(inside[:, None], failed, 0)
+    of_failed = np.where(inside, patches.labels[at[:, 1], at[:, 0]], 0)[:, None]
+    own = patches.labels[pixels[:, 1], pixels[:, 0]]
+    return np.asarray((own > 0) & (of_failed != own))
 
 
 def is_likely(belief: np.ndarray, least: float | Literal["middle"]) -> np.ndarray:

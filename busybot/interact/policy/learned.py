@@ -70,7 +70,7 @@ class LearnedPolicy(Generic[V]):
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
         memory: what was learnt about the board.
         worth: if somebody sets it, it decides in mode `collect` instead of chance.
-        within: if somebody sets it, where something can be moved for sure, as of `find_candidates`.
+        within, triggers: if somebody sets them, where something can be moved for sure, as of `find_candidates`.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class LearnedPolicy(Generic[V]):
         self.name = policy_name(mode)
         self.worth: Worth | None = None
         self.within: np.ndarray | None = None
+        self.triggers: np.ndarray | None = None
         self._model, self._rays, self._mode = model, rays, mode
         self._config = config or PolicyConfig()
         self._seen: Observation | None = None
@@ -124,7 +125,9 @@ class LearnedPolicy(Generic[V]):
         return self.view, self.memory
 
     def _find(self, view: V, seen: Observation, memory: BoardMemory) -> Candidates:
-        self.candidates = find_candidates(self._model, seen, self._rays, memory, self._config, view, self.within)
+        self.candidates = find_candidates(
+            self._model, seen, self._rays, memory, self._config, view, self.within, self.triggers
+        )
         return self.candidates
 
     def _best(self, found: Candidates, memory: BoardMemory) -> ActionChoice | None:

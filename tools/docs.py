@@ -102,6 +102,7 @@ PAGES: dict[str, dict[str, Part]] = {
     },
     "docs/results/worlds-acting.md": {
         "exploring": world_tables.exploring,
+        "patches": world_tables.patches,
         "curiosity": world_tables.curiosity,
         "world-plans": world_tables.world_plans,
     },

@@ -401,6 +401,24 @@ def exploring() -> str:
     return markdown([plain_grid(("random", "coverage first", "greedy"), lines, "F1 of links after 10 / 22 / 30")])
 
 
+def patches() -> str:
+    """How many small patches of one colour on triggers are links, by what a model believes of their middle: the least
+    and the most of several models."""
+    lines = []
+    for found in zip(*(one["by_belief_without"] for one in result("patches")["models"].values()), strict=True):
+        first, shares = found[0], [one["links"] / one["candidates"] for one in found if one["candidates"]]
+        believed = [one["believed"] for one in found if one["candidates"]]
+        cells = [str(sum(one["candidates"] for one in found)), *map(_from_to, (shares, believed))]
+        lines.append((f"{100 * first['from']:g} to {100 * first['to']:g}", cells))
+    return markdown([plain_grid(("candidates", "links", "believed as patches"), lines, "believed, percent")])
+
+
+def _from_to(shares: list[float]) -> str:
+    """Percent, the least and the most of some shares."""
+    ends = dict.fromkeys((f"{100 * end:.1f}" for end in (min(shares), max(shares))) if shares else ("-",))
+    return " to ".join(ends)
+
+
 def curiosity() -> str:
     """After how many actions relations are known, by way of choosing them."""
     lines = []

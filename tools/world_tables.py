@@ -402,13 +402,14 @@ def exploring() -> str:
 
 
 def patches() -> str:
-    """How many small patches of one colour on triggers are links, by what a model believes of their middle: the least
-    and the most of several models."""
+    """How many candidates on small patches of one colour on triggers are links, by what a model believes of them as of
+    any others: their number, the mean of several models, and the least and the most of these."""
     lines = []
-    for found in zip(*(one["by_belief_without"] for one in result("patches")["models"].values()), strict=True):
+    for found in zip(*(one["by_belief"] for one in result("patches")["models"].values()), strict=True):
         first, shares = found[0], [one["links"] / one["candidates"] for one in found if one["candidates"]]
         believed = [one["believed"] for one in found if one["candidates"]]
-        cells = [str(sum(one["candidates"] for one in found)), *map(_from_to, (shares, believed))]
+        count = round(sum(one["candidates"] for one in found) / len(found))
+        cells = [str(count), *map(_from_to, (shares, believed))]
         lines.append((f"{100 * first['from']:g} to {100 * first['to']:g}", cells))
     return markdown([plain_grid(("candidates", "links", "believed as patches"), lines, "believed, percent")])
 

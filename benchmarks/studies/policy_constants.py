@@ -16,8 +16,9 @@ first picture of each recorded board: of the trigger links those whose best cand
 touched, as long as the board looks like that), and the candidates elsewhere that promise as much (they waste a step
 each). `PolicyConfig.collect` was chosen by this on boards of training objects.
 
-`patches` tells how many small patches of one colour on triggers are links, by what is believed of candidates on them
-with and without `candidates.PATCH`, which was chosen by this on boards of training objects.
+`patches` tells how many small patches of one colour on triggers are links, by what is believed of candidates on them as
+of any others and as of patches (`colour_patches.on_patches`), and which line through logits foretells that best. The
+line was chosen by this on boards of training objects.
 """
 
 import argparse
@@ -32,14 +33,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 
 from benchmarks.runner import busybot, chosen, finish, generating, one_of, option, parser, settings
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.results import read_result
-from busybot.interact.policy.candidates import PATCH, find_candidates, held
-from busybot.interact.policy.colour_patches import patches_of
+from busybot.interact.policy.candidates import find_candidates, held
+from busybot.interact.policy.colour_patches import EVEN, STEEPER, from_patches, patches_of
 from busybot.interact.policy.config import STRICT_POLICY, PolicyConfig
 from busybot.interact.policy.direction_pairs import logit, sigmoid
 from busybot.interact.policy.policy_factory import fingerprint, load_once, policy_config
@@ -237,7 +239,7 @@ def patched(dataset: Dataset, name: str) -> dict[str, Any]:
         image, seen, rays = episode.image(0), episode.observation(0), Rays(episode.camera)
         view = model.look(seen, rays)
         boxes = np.array([one for one, it in zip(image.boxes, episode.board.objects, strict=True)
-                          if it.role == "trigger"], int)  # fmt: skip
+                          if it.role == "trigger"], int).reshape(-1, 4)  # fmt: skip
         found = find_candidates(model, seen, rays, None, config, view, triggers=boxes)
         on = patches_of(seen.rgb, boxes, held(view.affordance)).labels[found.pixels[:, 1], found.pixels[:, 0]] > 0
         triggers = [code for code, link in enumerate(episode.links, 1) if link.trigger]
@@ -246,7 +248,8 @@ def patched(dataset: Dataset, name: str) -> dict[str, Any]:
         beliefs += found.beliefs[on].tolist()
         are += np.isin(codes, triggers).tolist()
     believed, links = np.array(beliefs), np.array(are, bool)
-    without = sigmoid(logit(believed) - PATCH)
+    plain = from_patches(logit(believed))
+    without = sigmoid(plain)
     ranges = []
     for low, high in pairwise(BELIEFS):
         inside = (without >= low) & (without < high)
@@ -254,7 +257,19 @@ def patched(dataset: Dataset, name: str) -> dict[str, Any]:
         means = {"believed": _mean(believed[inside]), "without": _mean(without[inside])}
         ranges.append({"from": low, "to": high, **counted, **means})
     origin = {"name": dataset.info.name, "split": dataset.info.split, "board_hash": dataset.hashes().board}
-    return {"dataset": origin, "boards": len(dataset.finished()), "patch": PATCH, "by_belief_without": ranges}
+    told = {"dataset": origin, "boards": len(dataset.finished())}
+    return {**told, "fit": _line(plain, links), "used": {"steeper": STEEPER, "even": EVEN}, "by_belief": ranges}
+
+
+def _line(logits: np.ndarray, links: np.ndarray) -> dict[str, float]:
+    """The line through logits by which what are links is likeliest, as `STEEPER` and `EVEN` say it."""
+
+    def unlikely(line: np.ndarray) -> float:
+        steeper, even = line
+        return float(np.logaddexp(0, np.where(links, -1, 1) * steeper * (logits - even)).sum())
+
+    steeper, even = minimize(unlikely, (1.0, 0.0), method="Nelder-Mead").x
+    return {"steeper": float(steeper), "even": float(even)}
 
 
 def _mean(values: np.ndarray) -> float | None:

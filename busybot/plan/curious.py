@@ -26,7 +26,8 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.common.errors import UsageError
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Image, Observation
-from busybot.interact.policy.candidates import ASIDE, PATCH, Candidates
+from busybot.interact.policy.candidates import ASIDE, Candidates
+from busybot.interact.policy.colour_patches import PATCHES
 from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.learned import LearnedPolicy
 from busybot.interact.policy.policy_factory import (
@@ -40,7 +41,7 @@ from busybot.plan.agent_policy import OnlineFeatures
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
-from busybot.reason.inputs.steady import Steady
+from busybot.reason.inputs.steady import pictures_of, still_pictures
 from busybot.reason.inputs.trigger_links import LinkWatch
 from busybot.reason.models.base import Curious
 from busybot.reason.models.registry import reasoner_of
@@ -78,6 +79,7 @@ class Watched:
         self._features: list[np.ndarray] = []
         self._calm: list[Image] = []
         self._watch: LinkWatch | None = None
+        self._still_pictures = 1
         self._look_anew()
 
     def _look_anew(self) -> None:
@@ -91,8 +93,8 @@ class Watched:
 
     @property
     def still(self) -> bool:
-        """Whether nothing tells that the camera is not still; noise makes patches of its own."""
-        return not self._steadied
+        """Whether the camera was still so far; before the first action nobody can tell."""
+        return bool(self.observed.actions) and not self._steadied
 
     def changed(self, after: Observation) -> bool:
         """Whether something was seen to change: else an observation is the same object as before."""
@@ -106,11 +108,15 @@ class Watched:
         self._latest = after
         image_of, actions = (*observed.image_of, len(images) - 1), (*observed.actions, action)
         self.observed = replace(observed, actions=actions, images=images, image_of=image_of)
-        if not self._steadied and Steady(self.observed).needed:  # one picture alone does not tell
+        if not self._steadied and self._stirs():  # one picture alone does not tell
             self._steadied = True
             self._look_anew()
         else:
             self._see(Frame(after.rgb, after.depth))
+
+    def _stirs(self) -> bool:
+        self._still_pictures = still_pictures(self.observed, self._still_pictures)
+        return self._still_pictures < len(pictures_of(self.observed))
 
     def sequence(self) -> BoardSequence:
         calm = None
@@ -338,8 +344,13 @@ class CuriousFactory:
         """
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
-        constants = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
-        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE, "patch": PATCH}
+        constants: dict[str, Any] = {
+            "new": NEW,
+            "elsewhere": ELSEWHERE,
+            "promising": PROMISING,
+            "negligible": NEGLIGIBLE,
+        }
+        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE, "patches": list(PATCHES)}
         return {
             "mode": self.learned.mode,
             "policy": policy,

@@ -72,7 +72,7 @@ def test_it_sees_while_it_acts_what_is_recorded_and_asks_what_tells_most(camera:
         assert np.array_equal(online.arrays[name], values), name
     assert np.array_equal(online.links.states, recorded.links.states)
     assert policy._sequence is not None or camera != CameraConfig()
-    assert (policy._inner.triggers is not None) == (camera == CameraConfig()), "noise makes patches of its own"
+    assert (policy._inner.triggers is not None) == (camera == CameraConfig())
     memory = policy._inner.memory
     assert memory is not None and all(episode.steps[one.action].pixel == one.pixel for one in memory.failures)
 
@@ -193,7 +193,6 @@ def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(s
     policy: CuriousPolicy = vars(factory)["policy"]
     watched, memory = policy._watched, policy._inner.memory
     assert watched is not None and memory is not None
-    assert np.array_equal(policy._inner.triggers, watched.observed.boxes[watched.observed.triggers])
     boxes = watched.observed.boxes.copy()
     first, second = watched.observed.triggers[:2].tolist()
     boxes[:], boxes[first], boxes[second] = 0, (10, 10, 60, 60), (50, 10, 100, 60)
@@ -204,6 +203,18 @@ def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(s
     memory.failures = [Failure((80, 40), {0: 0.5})]
     further = policy._within((120, 160)) & ~within
     assert further[40, 80] and not further[40, 61] and not further[:, 100:].any() and not further[61:].any()
+
+
+def test_it_looks_for_patches_once_an_action_has_shown_that_the_camera_is_still(simulator: Simulator) -> None:
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
+    assert vars(factory)["policy"]._inner.triggers is None
+    record_episode(simulator, board, factory, 2, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    assert policy._watched is not None and policy._inner.triggers is not None
+    observed = policy._watched.observed
+    assert np.array_equal(policy._inner.triggers, observed.boxes[observed.triggers])
 
 
 def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) -> None:

@@ -240,13 +240,11 @@ def test_the_policys_constants_are_told_beside_their_defaults(results: Path) -> 
 def test_of_patches_the_least_and_the_most_of_several_models_are_told(results: Path) -> None:
     def model(links: int, believed: float) -> dict[str, Any]:
         none = {"from": 0, "to": 0.05, "candidates": 0, "links": 0, "believed": None}
-        return {
-            "by_belief_without": [none, {"from": 0.05, "to": 1, "candidates": 40, "links": links, "believed": believed}]
-        }
+        return {"by_belief": [none, {"from": 0.05, "to": 1, "candidates": 40, "links": links, "believed": believed}]}
 
     put(results, "patches", "patches", models={"one": model(10, 0.2), "other": model(12, 0.2)})
     lines = world_tables.patches().strip().splitlines()[2:]
-    assert lines == ["| 0 to 5 | 0 | - | - |", "| 5 to 100 | 80 | 25.0 to 30.0 | 20.0 |"]
+    assert lines == ["| 0 to 5 | 0 | - | - |", "| 5 to 100 | 40 | 25.0 to 30.0 | 20.0 |"]
 
 
 def test_what_the_papers_interaction_networks_cost(results: Path) -> None:

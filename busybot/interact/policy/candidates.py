@@ -16,7 +16,7 @@ from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
-from busybot.interact.policy.colour_patches import Patches, patches_of
+from busybot.interact.policy.colour_patches import Patches, on_patches, patches_of
 from busybot.interact.policy.config import OPENING, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pairs, logit, pair_scores, sigmoid
 
@@ -24,9 +24,6 @@ MOST_POINTS = 4000
 """K-means looks at no more pixels than these, evenly chosen."""
 ASIDE = 9
 """Where little is promised, candidates are so far from each other and from where an action failed, pixels."""
-PATCH = 1.2
-"""Logits by which a small patch of one colour on a trigger is likelier a link than the model's belief in its middle, as
-it is lowered for candidates, says (`benchmarks.studies.policy_constants patches`)."""
 EVEN = 16
 """Parts of a picture begin at multiples of this, because connected regions are numbered by squares of pixels."""
 
@@ -133,7 +130,8 @@ def find_candidates(
         within: bool (H, W), where something can be moved whatever the model says: its peaks there are candidates
             however low they are, if they are the highest around, and so is what is beside failures.
         triggers: int (K, 4), boxes of objects that have links: the middles of small patches of one colour on them are
-            candidates, too. A patch is likelier a link, and what failed beside it took hold of something else.
+            candidates, too. What is believed of patches is `colour_patches.on_patches`, and what failed beside one took
+            hold of something else.
 
     Returns:
         candidates, empty where nothing can be held. `Candidates.best_of_regions` leaves one per region.
@@ -154,7 +152,7 @@ def find_candidates(
     patches = None
     if triggers is not None:
         patches = patches_of(seen.rgb[window], triggers - np.tile(corner, 2), held(affordance) & (links == 0))
-        inside = np.concatenate([inside, _apart(patches.centres, inside, config)])
+        inside = np.concatenate([inside, _middles_without(patches, inside, config)])
     pixels = inside + corner
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
@@ -165,7 +163,7 @@ def find_candidates(
     logits = config.dense_weight * smooth[inside[:, 1], inside[:, 0]] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config) - config.caution * new
     if patches is not None:
-        logits = logits + PATCH * (patches.labels[inside[:, 1], inside[:, 0]] > 0)
+        logits = np.where(patches.labels[inside[:, 1], inside[:, 0]] > 0, on_patches(logits), logits)
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
         elsewhere = None if patches is None else _elsewhere(patches, inside, memory.failed_pixels - corner)
@@ -262,6 +260,13 @@ def _apart(pixels: np.ndarray, others: np.ndarray, config: PolicyConfig) -> np.n
         if not (np.abs(kept - pixel).max(axis=1) <= config.peak_radius).any():
             kept = np.vstack([kept, pixel])
     return kept[len(others) :]
+
+
+def _middles_without(patches: Patches, pixels: np.ndarray, config: PolicyConfig) -> np.ndarray:
+    """Middles of patches, int (K, 2), near which no pixel (N, 2) is on the patch."""
+    near = np.abs(patches.centres[:, None] - pixels).max(axis=2, initial=0) <= config.peak_radius
+    mine = patches.labels[pixels[:, 1], pixels[:, 0]] == np.arange(1, len(patches.centres) + 1)[:, None]
+    return np.asarray(patches.centres[~(near & mine).any(axis=1)])
 
 
 def _elsewhere(patches: Patches, pixels: np.ndarray, failed: np.ndarray) -> np.ndarray:

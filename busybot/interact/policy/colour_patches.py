@@ -1,10 +1,11 @@
 """Small patches of one colour on a switch: a key that lies flush with its panel shows there, and hardly in depth.
 
-How many of them are links, by what an interaction model promises at their middle, `benchmarks.studies.policy_constants
-patches` counts on training boards.
+How many of them are links, by what an interaction model believes of candidates on them, `benchmarks.studies.
+policy_constants patches` counts on training boards. Sizes are pixels, as all of a policy's constants.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,8 +14,13 @@ TOLERANCE = 8
 """Neighbouring pixels are of one colour if no channel, of 255, differs by more."""
 LEAST, MOST = 16, 600
 """A patch has so many pixels: less is texture, more is a panel."""
-SOLID = 0.6
-"""It fills so large a share of the rectangle around it: a rim does not."""
+SIDE, SOLID = 3, 0.6
+"""The rectangle around it has at least so long sides, and is filled to so large a share: a line is none, nor a rim."""
+STEEPER, EVEN = 1.8, -2.0
+"""The logit of what a model believes of a candidate is, on a patch, so many times as far from the latter: patches of
+which it believes little are seldom links, others oftener than it believes."""
+PATCHES = (TOLERANCE, LEAST, MOST, SIDE, SOLID, STEEPER, EVEN)
+"""All of these, as recordings tell them."""
 
 
 @dataclass(frozen=True)
@@ -38,17 +44,31 @@ def patches_of(rgb: np.ndarray, boxes: np.ndarray, where: np.ndarray) -> Patches
         boxes: int (K, 4), u0, v0, u1, v1; what lies outside of the picture is cut off.
         where: bool (H, W), which pixels may be part of one.
     """
-    labels, centres = np.zeros(where.shape, np.int32), list[tuple[int, int]]()
+    labels, centres, inside = np.zeros(where.shape, np.int32), list[tuple[int, int]](), np.zeros(where.shape, np.uint8)
     for u0, v0, u1, v1 in np.maximum(boxes, 0).tolist():
-        place = slice(v0, v1), slice(u0, u1)
-        numbers, counts, around = _of_one_colour(rgb[place], where[place])
-        sides = around[:, 1] * around[:, 0]
-        for number in np.flatnonzero((counts >= LEAST) & (counts <= MOST) & (counts >= SOLID * sides)).tolist():
+        inside[v0:v1, u0:u1] = 1
+    where = where & (inside > 0)
+    _, _, together, _ = cv2.connectedComponentsWithStats(inside)  # boxes that overlap are looked at as one
+    for left, top, width, height, _ in together[1:].tolist():
+        place = slice(top, top + height), slice(left, left + width)
+        numbers, counts, sides = _of_one_colour(rgb[place], where[place])
+        solid = (sides.min(axis=1) >= SIDE) & (counts >= SOLID * sides.prod(axis=1))
+        for number in np.flatnonzero(solid & (counts >= LEAST) & (counts <= MOST)).tolist():
             mine = numbers == number
             labels[place][mine] = len(centres) + 1
             column, row = _middle(mine)
-            centres.append((u0 + column, v0 + row))
+            centres.append((left + column, top + row))
     return Patches(labels, np.array(centres, int).reshape(-1, 2))
+
+
+def on_patches(logits: Any) -> Any:
+    """What is believed of candidates on patches, logits, from what a model believes of them as of any others."""
+    return STEEPER * (logits - EVEN)
+
+
+def from_patches(logits: Any) -> Any:
+    """The inverse of `on_patches`."""
+    return logits / STEEPER + EVEN
 
 
 def _of_one_colour(rgb: np.ndarray, where: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -70,7 +70,7 @@ class LearnedPolicy(Generic[V]):
         view, candidates, choice: of the last decision, for pictures. `candidates` is None in modes that have none.
         memory: what was learnt about the board.
         worth: if somebody sets it, it decides in mode `collect` instead of chance.
-        within, triggers: if somebody sets them, where something can be moved for sure, as of `find_candidates`.
+        within, triggers: if somebody sets them, what is known of where links are, as of `find_candidates`.
     """
 
     def __init__(

@@ -107,11 +107,13 @@ class StillTriggers:
         }
 
     def views(self, observed: ObservedEpisode) -> dict[int, View]:
-        """By the trigger's index; the same ones each time, of more frames.
+        """By the trigger's index; the same ones each time, of more and more frames.
 
         Args:
             observed: the recording, or what it has grown to.
         """
+        if len(observed.image_of) < len(self._observed.image_of):
+            return self._views  # of a part of it, which was looked at
         self._observed = observed
         for number in dict.fromkeys(observed.image_of):
             if number not in self._seen:

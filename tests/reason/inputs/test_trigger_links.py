@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from busybot.episodes.episode import Image
 from busybot.reason.inputs.observation import ObservedEpisode
 from busybot.reason.inputs.trigger_links import LinkWatch, ObservedLinks, _Link, _together, _tries, _whole
 from busybot.reason.inputs.trigger_views import Move, StillTriggers
@@ -201,8 +202,26 @@ def test_who_watches_on_sees_what_is_seen_at_once_and_looks_at_no_picture_again(
             watch = LinkWatch(part, shorter=watch)
             assert_alike(watch.first(steps), observe_links(part))
             assert_alike(watch.first(steps // 2), observe_links(observed.first(steps // 2 + 1)))
-        assert watch is not None and watch._triggers is not None
-        assert LinkWatch(observed, shorter=watch)._triggers is watch._triggers
+        assert watch is not None
+
+
+def test_what_is_asked_late_of_a_part_changes_nothing_for_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    observed, looks = played(MOVES)[0], list[int]()
+    expected = {steps: observe_links(observed.first(steps + 1)) for steps in (1, 3, len(MOVES) - 1, len(MOVES))}
+    look = StillTriggers._look
+
+    def counted(self: StillTriggers, number: int, image: Image) -> None:
+        looks.append(number)
+        look(self, number, image)
+
+    monkeypatch.setattr(StillTriggers, "_look", counted)
+    first = LinkWatch(observed.first(2))
+    first.first(1)
+    second = LinkWatch(observed.first(4), shorter=first)
+    whole = LinkWatch(observed, shorter=second)
+    for watch, steps in ((whole, len(MOVES)), (second, 3), (whole, len(MOVES) - 1), (first, 1)):
+        assert_alike(watch.first(steps), expected[steps])
+    assert sorted(looks) == sorted(set(observed.image_of)), "each picture once"
 
 
 def assert_alike(one: ObservedLinks, other: ObservedLinks) -> None:

@@ -344,18 +344,13 @@ class CuriousFactory:
         """
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
-        constants: dict[str, Any] = {
-            "new": NEW,
-            "elsewhere": ELSEWHERE,
-            "promising": PROMISING,
-            "negligible": NEGLIGIBLE,
-        }
-        constants |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE, "patches": list(PATCHES)}
+        numbers = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
+        numbers |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE}
         return {
             "mode": self.learned.mode,
             "policy": policy,
             "model": fingerprint(self.learned.model),
             "reasoner": reasoner,
             "until_known": self.until_known,
-            "constants": constants,
+            "constants": {**numbers, "patches": list(PATCHES)},
         }

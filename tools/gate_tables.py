@@ -159,14 +159,17 @@ class _Gate:
 
     Attributes:
         least: it is to be reached from below.
-        about: what it asks about, one of `ABOUT`.
     """
 
     words: str
     value: float | None
     limit: float
     least: bool = True
-    about: str = PARENTS
+
+    @property
+    def about(self) -> str:
+        """What a gate of a world asks about, one of `ABOUT`: its words begin with that, but for parents."""
+        return next((one for one in ABOUT if self.words.startswith(one)), PARENTS)
 
     @property
     def asked(self) -> str:
@@ -185,23 +188,22 @@ def _gates(world: str, split: str, told: dict[str, Any]) -> list[_Gate]:
         found += [_Gate(f"F1 of links behind the bound, {one}", lag, 0.04, False) for one, lag in behind.items()]
         known = told["mechanism_accuracy"]
         lag = None if known is None else told["mechanism_bound"] - known
-        found.append(_Gate("mechanisms behind the bound", lag, 0.08, False, "mechanisms"))
+        found.append(_Gate("mechanisms behind the bound", lag, 0.08, False))
     if split == "novel-mechanism":
         found.append(_Gate("F1 of links behind the bound, 30, novel mechanisms", behind[30], 0.08, False))
     if world == "paper":
         asked = {"P of parents, 22": ("parent_p", 0.99), "R of parents, 22": ("parent_r", 0.99)}
         found += [_Gate(words, told[key], limit) for words, (key, limit) in asked.items()]
-        found.append(_Gate("Pred-A", told["pred_a"], 0.92, about="Pred-A"))
+        found.append(_Gate("Pred-A", told["pred_a"], 0.92))
     if world == "chance":
         found += [_Gate(f"{name} of parents, 22", told[f"parent_{name[0].lower()}"], 0.95) for name in ("P", "R")]
     if world == "chain":
         found.append(_Gate("F1 of parents, 22", told["after"]["22"]["parent_f1"], 0.9))
     if world == "rewired":
-        found.append(_Gate("rewirings found and placed", told["rewired_placed"], 0.9, about="rewirings"))
-    found.append(_Gate("what if", told["what_if"], 0.9, about="what if"))
+        found.append(_Gate("rewirings found and placed", told["rewired_placed"], 0.9))
+    found.append(_Gate("what if", told["what_if"], 0.9))
     worst = _worst(told)
-    off = worst["ece_uncertain"] if worst else None
-    return [*found, _Gate("calibration at its worst", off, 0.06, False, "calibration")]
+    return [*found, _Gate("calibration at its worst", worst["ece_uncertain"] if worst else None, 0.06, False)]
 
 
 def _figures_grid(told: _Judged) -> Grid:

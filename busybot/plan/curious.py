@@ -41,7 +41,6 @@ from busybot.plan.agent_policy import OnlineFeatures
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
-from busybot.reason.inputs.steady import pictures_of, still_pictures
 from busybot.reason.inputs.trigger_links import LinkWatch
 from busybot.reason.models.base import Curious
 from busybot.reason.models.registry import reasoner_of
@@ -78,8 +77,7 @@ class Watched:
         self._extractor, self._latest, self._steadied = extractor, first, False
         self._features: list[np.ndarray] = []
         self._calm: list[Image] = []
-        self._watch: LinkWatch | None = None
-        self._still_pictures = 1
+        self._watch = LinkWatch(self.observed)
         self._look_anew()
 
     def _look_anew(self) -> None:
@@ -108,22 +106,19 @@ class Watched:
         self._latest = after
         image_of, actions = (*observed.image_of, len(images) - 1), (*observed.actions, action)
         self.observed = replace(observed, actions=actions, images=images, image_of=image_of)
-        if not self._steadied and self._stirs():  # one picture alone does not tell
+        self._watch = LinkWatch(self.observed, shorter=self._watch)
+        if not self._steadied and not self._watch.still:  # one picture alone does not tell
             self._steadied = True
             self._look_anew()
         else:
             self._see(Frame(after.rgb, after.depth))
 
-    def _stirs(self) -> bool:
-        self._still_pictures = still_pictures(self.observed, self._still_pictures)
-        return self._still_pictures < len(pictures_of(self.observed))
-
     def sequence(self) -> BoardSequence:
-        calm = None
+        watch = self._watch
         if self._steadied:
             calm = replace(self.observed, images=self._calm, image_of=tuple(range(len(self._calm))))
-        self._watch = LinkWatch(self.observed, calm, self._watch)
-        return sequence_of(self.observed, np.stack(self._features), self._watch)
+            watch = LinkWatch(self.observed, calm, watch)
+        return sequence_of(self.observed, np.stack(self._features), watch)
 
 
 @dataclass(frozen=True)
@@ -352,5 +347,5 @@ class CuriousFactory:
             "model": fingerprint(self.learned.model),
             "reasoner": reasoner,
             "until_known": self.until_known,
-            "constants": {**numbers, "patches": list(PATCHES)},
+            "constants": {**numbers, "patches": PATCHES},
         }

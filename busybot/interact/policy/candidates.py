@@ -16,7 +16,7 @@ from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.policy.board_memory import BoardMemory
-from busybot.interact.policy.colour_patches import Patches, on_patches, patches_of
+from busybot.interact.policy.colour_patches import on_patches, patches_of
 from busybot.interact.policy.config import OPENING, PolicyConfig
 from busybot.interact.policy.direction_pairs import NOT_ELEVATED, better_of_pairs, logit, pair_scores, sigmoid
 
@@ -149,10 +149,9 @@ def find_candidates(
         there = within[window] & (links == 0)
         further = _further(smooth, affordance, there, failed - corner, config)
         inside = np.concatenate([inside, _apart(further, inside, config)])
-    patches = None
-    if triggers is not None:
-        patches = patches_of(seen.rgb[window], triggers - np.tile(corner, 2), held(affordance) & (links == 0))
-        inside = np.concatenate([inside, _middles_without(patches, inside, config)])
+    boxes = np.zeros((0, 4), int) if triggers is None else triggers - np.tile(corner, 2)
+    patches = patches_of(seen.rgb[window], boxes, held(affordance) & (links == 0))
+    inside = np.concatenate([inside, patches.middles_without(inside, config.peak_radius)])
     pixels = inside + corner
     if not len(pixels):
         none, positions = np.zeros(0), np.zeros((0, 3), np.float32)
@@ -162,11 +161,10 @@ def find_candidates(
     directions = _doubting(directions, new, config)
     logits = config.dense_weight * smooth[inside[:, 1], inside[:, 0]] + (1 - config.dense_weight) * at_crop
     logits = logits + prior_shift(config) - config.caution * new
-    if patches is not None:
-        logits = np.where(patches.labels[inside[:, 1], inside[:, 0]] > 0, on_patches(logits), logits)
+    logits = np.where(patches.at(inside) > 0, on_patches(logits), logits)
     beliefs, pairs = sigmoid(logits), pair_scores(directions)
     if memory is not None:
-        elsewhere = None if patches is None else _elsewhere(patches, inside, memory.failed_pixels - corner)
+        elsewhere = patches.elsewhere(memory.failed_pixels - corner, inside)
         beliefs, pairs = memory.doubted(pixels, logits, pairs, elsewhere)
     regions = _regions(affordance, links, inside, config)
     columns, rows = pixels.T
@@ -260,23 +258,6 @@ def _apart(pixels: np.ndarray, others: np.ndarray, config: PolicyConfig) -> np.n
         if not (np.abs(kept - pixel).max(axis=1) <= config.peak_radius).any():
             kept = np.vstack([kept, pixel])
     return kept[len(others) :]
-
-
-def _middles_without(patches: Patches, pixels: np.ndarray, config: PolicyConfig) -> np.ndarray:
-    """Middles of patches, int (K, 2), near which no pixel (N, 2) is on the patch."""
-    near = np.abs(patches.centres[:, None] - pixels).max(axis=2, initial=0) <= config.peak_radius
-    mine = patches.labels[pixels[:, 1], pixels[:, 0]] == np.arange(1, len(patches.centres) + 1)[:, None]
-    return np.asarray(patches.centres[~(near & mine).any(axis=1)])
-
-
-def _elsewhere(patches: Patches, pixels: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Which of F failures, int (F, 2), took hold of something else than the patch that one of the pixels (K, 2) is on,
-    bool (F, K)."""
-    inside = np.array(((failed >= 0) & (failed < patches.labels.shape[::-1])).all(axis=1))
-    at = np.where(inside[:, None], failed, 0)
-    of_failed = np.where(inside, patches.labels[at[:, 1], at[:, 0]], 0)[:, None]
-    own = patches.labels[pixels[:, 1], pixels[:, 0]]
-    return np.asarray((own > 0) & (of_failed != own))
 
 
 def is_likely(belief: np.ndarray, least: float | Literal["middle"]) -> np.ndarray:

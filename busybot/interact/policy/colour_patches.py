@@ -19,7 +19,10 @@ SIDE, SOLID = 3, 0.6
 STEEPER, EVEN = 1.8, -2.0
 """The logit of what a model believes of a candidate is, on a patch, so many times as far from the latter: patches of
 which it believes little are seldom links, others oftener than it believes."""
-PATCHES = (TOLERANCE, LEAST, MOST, SIDE, SOLID, STEEPER, EVEN)
+PATCHES = {
+    "tolerance": TOLERANCE, "least": LEAST, "most": MOST, "side": SIDE, "solid": SOLID,
+    "steeper": STEEPER, "even": EVEN,
+}  # fmt: skip
 """All of these, as recordings tell them."""
 
 
@@ -35,6 +38,25 @@ class Patches:
     labels: np.ndarray
     centres: np.ndarray
 
+    def at(self, pixels: np.ndarray) -> np.ndarray:
+        """The labels of pixels (K, 2), int (K,); 0 outside of the picture."""
+        height, width = self.labels.shape
+        columns, rows = pixels.T
+        inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        return np.where(inside, self.labels[rows * inside, columns * inside], 0)
+
+    def middles_without(self, pixels: np.ndarray, radius: int) -> np.ndarray:
+        """The centres so near which none of the pixels (K, 2) is on the patch, int (N, 2)."""
+        near = np.abs(self.centres[:, None] - pixels).max(axis=2, initial=0) <= radius
+        mine = self.at(pixels) == np.arange(1, len(self.centres) + 1)[:, None]
+        return np.asarray(self.centres[~(near & mine).any(axis=1)])
+
+    def elsewhere(self, failed: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """Which failures, at pixels (F, 2), took hold of something else than the patch that one of the pixels (K, 2) is
+        on, bool (F, K)."""
+        own = self.at(pixels)
+        return np.asarray((own > 0) & (self.at(failed)[:, None] != own))
+
 
 def patches_of(rgb: np.ndarray, boxes: np.ndarray, where: np.ndarray) -> Patches:
     """The patches in some boxes of a picture.
@@ -44,7 +66,10 @@ def patches_of(rgb: np.ndarray, boxes: np.ndarray, where: np.ndarray) -> Patches
         boxes: int (K, 4), u0, v0, u1, v1; what lies outside of the picture is cut off.
         where: bool (H, W), which pixels may be part of one.
     """
-    labels, centres, inside = np.zeros(where.shape, np.int32), list[tuple[int, int]](), np.zeros(where.shape, np.uint8)
+    labels, centres = np.zeros(where.shape, np.int32), list[tuple[int, int]]()
+    if not len(boxes):
+        return Patches(labels, np.zeros((0, 2), int))
+    inside = np.zeros(where.shape, np.uint8)
     for u0, v0, u1, v1 in np.maximum(boxes, 0).tolist():
         inside[v0:v1, u0:u1] = 1
     where = where & (inside > 0)

@@ -142,7 +142,7 @@ class LinkWatch:
                 which ones moved a link; None if nobody knows.
         """
         observed = self._observed.first(steps + 1)
-        unsteady = len(pictures_of(observed)) > self._still
+        unsteady = len(pictures_of(observed)) > self._still_pictures
         acted = self._acted[:steps]
         views = self._unsteady.views(acted) if unsteady else self._views
         return _links_of(observed, views, acted, unsteady, None if effects is None else np.array(effects, bool))
@@ -151,8 +151,13 @@ class LinkWatch:
     def _acted(self) -> np.ndarray:
         return acted_objects(self._observed)
 
+    @property
+    def still(self) -> bool:
+        """Whether all pictures are those of a camera that is still."""
+        return self._still_pictures == len(pictures_of(self._observed))
+
     @cached_property
-    def _still(self) -> int:
+    def _still_pictures(self) -> int:
         self._known_still = still_pictures(self._observed, self._known_still)
         return self._known_still
 
@@ -163,8 +168,10 @@ class LinkWatch:
     @cached_property
     def _views(self) -> dict[int, View]:
         """How a still camera shows a trigger in a frame does not depend on later ones."""
-        self._triggers = self._triggers or StillTriggers(self._observed)
-        return self._triggers.views(self._observed)
+        if self._triggers is None:
+            self._triggers = StillTriggers(self._observed)
+        self._triggers.grow(self._observed)
+        return self._triggers.views
 
 
 def _links_of(

@@ -86,6 +86,9 @@ class StillTriggers:
     recording that grows only what is new is looked at.
 
     From the first picture on of which most of the depth differs from the last one's, depth tells nothing.
+
+    Attributes:
+        views: by the trigger's index; of more frames when the recording grows.
     """
 
     def __init__(self, observed: ObservedEpisode):
@@ -95,7 +98,7 @@ class StillTriggers:
         self._looks: dict[int, dict[int, np.ndarray]] = {one: {} for one in self._regions}
         self._deep, self._resting, self._seen = observed.boxed.depth, True, set[int]()
         least = np.array([ChangeConfig().tolerance] * COLOURS + [DEEP] * (self._deep is not None), np.float32)
-        self._views = {
+        self.views = {
             one: View(
                 self._looks[one],
                 np.array(observed.image_of),
@@ -105,22 +108,18 @@ class StillTriggers:
             )
             for one, region in self._regions.items()
         }
+        self.grow(observed)
 
-    def views(self, observed: ObservedEpisode) -> dict[int, View]:
-        """By the trigger's index; the same ones each time, of more and more frames.
-
-        Args:
-            observed: the recording, or what it has grown to.
-        """
+    def grow(self, observed: ObservedEpisode) -> None:
+        """Look at what is new in what the recording has grown to; a part of it has nothing new."""
         if len(observed.image_of) < len(self._observed.image_of):
-            return self._views  # of a part of it, which was looked at
+            return
         self._observed = observed
         for number in dict.fromkeys(observed.image_of):
             if number not in self._seen:
                 self._look(number, observed.images[number])
-        for view in self._views.values():
+        for view in self.views.values():
             view.frames = np.array(observed.image_of)
-        return self._views
 
     def _look(self, number: int, image: Image) -> None:
         self._seen.add(number)

@@ -133,8 +133,7 @@ def test_a_button_that_colours_do_not_show_is_seen_by_depth() -> None:
 def test_neither_lost_nor_noisy_depth_moves_anything() -> None:
     lost = observe_links(pressed(lost=True))
     assert lost.states[:, lost.clusters[0]].tolist() == [0, 1, 1, 0, 0, 0, 1], "seen when it is there again"
-    noisy = pressed(np.random.default_rng(0))
-    views = StillTriggers(noisy).views(noisy)
+    views = StillTriggers(pressed(np.random.default_rng(0))).views
     assert not views[0].moves(np.arange(6)), "colours alone are looked at where depth does not rest"
 
 

@@ -1,7 +1,5 @@
 """What the study of the policy's constants fits."""
 
-import numpy as np
-
 from benchmarks.studies.policy_constants import _line
 from busybot.common.rng import generator
 from busybot.interact.policy.direction_pairs import sigmoid

@@ -9,13 +9,14 @@ places of little promise are tried when known links tell little more: while none
 are candidates however little the model sees there, and on all triggers so is what is beside an action that failed.
 
 What moves where it is taken hold of is a link, though so few pixels change, because nothing responds, that there is no
-reward; a noisy camera does not tell that. What did not move may be held by how a responder is, and is believed in again
-when responders look as they never did when it was tried, the less so the more often that was in vain; of a link that
-moved at times and at times did not, the reasoner tells whether it would now. What there is to go by are the pictures so
-far, with the objects' boxes and roles in the first of them, as in a recording.
+reward; a noisy camera does not tell that. What did not move may be held by how a responder is (`held_links`), and is
+tried again when responders look as they never did when it was tried. Moving a known link is worth what that opens, too:
+what may be tried then, for each of the actions that it takes. Of a link that moved at times and at times did not, the
+reasoner tells whether it would now. What there is to go by are the pictures so far, with the objects' boxes and roles
+in the first of them, as in a recording.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -38,6 +39,7 @@ from busybot.interact.policy.policy_factory import (
     load_once,
 )
 from busybot.plan.agent_policy import OnlineFeatures
+from busybot.plan.held_links import LEAST, NONE_HELD, SAME, HeldLinks
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
@@ -55,14 +57,10 @@ NEW = 3.0
 ELSEWHERE = 0.02
 """A trigger's links are so probably none of its candidates, or held, before any was tried: this share of what these
 promised together, for what a model promises on objects unlike those that it learned from is too little for all."""
-LEAST = 1e-12
-"""What is less probable is not told apart."""
 PROMISING = 0.005
 """While a new candidate promises so much, expected success, nobody knows all that there is to know."""
 NEGLIGIBLE = 0.02
 """What a way leads to is not asked about if it works less probably than that."""
-HELD = 0.6
-"""What did not move is so probably a link that a responder holds, before anything was tried again."""
 CERTAIN = 0.95
 """The policy knows what there is to know when it is so sure of all parents (`--until-known`)."""
 
@@ -156,14 +154,15 @@ class CuriousPolicy:
         self._done: list[Done] = []
         self._promised: dict[int, float] = {}  # that a link of a trigger moves, by its candidates' first scores
         self._moving: set[int] = set()  # triggers of which a link was seen moving
-        self._released = np.zeros(0)  # of each failure in memory, see `_reconsider`
-        self._tried_again = [0.0, 0.0]  # how much that once failed, and is no known link, moved later, and did not
+        self._held = HeldLinks()
+        self._chances: dict[tuple[int, int], tuple[float, float]] = {}  # of the last decision, see `HeldLinks.tried`
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action | None:
         if self._watched is None:
             self._watched = Watched(observation, self._detections, self._extractor)
-        self._seen, self._sequence, self._untried = observation, None, False
-        self._reconsider(self._watched)
+        self._seen, self._sequence, self._untried, self._chances = observation, None, False, {}
+        if (memory := self._inner.memory) is not None:
+            memory.explain([self._held_at(one.pixel) for one in memory.failures])
         self._inner.within = self._within(observation.depth.shape)
         observed = self._watched.observed
         self._inner.triggers = observed.boxes[observed.triggers].astype(int) if self._watched.still else None
@@ -176,12 +175,12 @@ class CuriousPolicy:
         memory = self._inner.memory
         assert memory is not None
         moved = self._moved(action.pixel, seen, after, bool(reward))
+        trigger = trigger_at(watched.observed, action.pixel)
+        if trigger >= 0 and not memory.links[action.pixel[1], action.pixel[0]]:
+            self._held.tried(len(self._done), action.pixel, trigger, self._chances.get(action.pixel, (0.0, 0.0)), moved)
         self._done.append(Done(action.pixel, int(PAIR_OF[executed[-1]]), moved))
         if moved:
-            self._moving.add(trigger_at(watched.observed, action.pixel))
-        if not memory.links[action.pixel[1], action.pixel[0]]:
-            here = self._released[memory.failed_at(np.array([action.pixel]))[:, 0]]
-            self._tried_again[0 if moved else 1] += here.max(initial=0.0)
+            self._moving.add(trigger)
         self._inner.observe(action, executed, int(bool(moved)), after)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
@@ -204,15 +203,11 @@ class CuriousPolicy:
         self._sequence = self._sequence or watched.sequence()
         return bool(self._reasoner.certainty(self._sequence) >= CERTAIN)
 
-    def _reconsider(self, watched: Watched) -> None:
-        """What could not be moved may move now that something else looks otherwise."""
-        memory = self._inner.memory
-        self._released = np.zeros(0 if memory is None else len(memory.failures))
-        if memory is not None and memory.failures:
-            self._sequence = watched.sequence()
-            self._released = self._reasoner.released(self._sequence, memory.tries())
-            moved, in_vain = self._tried_again
-            memory.overcome(((HELD + moved) / (1 + moved + in_vain) * self._released).tolist())
+    def _held_at(self, pixel: tuple[int, int]) -> float:
+        """How probable it is that a link is held there where an action failed."""
+        assert self._watched is not None
+        place = self._held.at(pixel, trigger_at(self._watched.observed, pixel))
+        return 0.0 if place is None else self._held.held(place) * place.promised
 
     def _within(self, shape: tuple[int, ...]) -> np.ndarray:
         """Where to try what the model sees little in, bool (H, W): on triggers of which no link is known, and on others
@@ -230,11 +225,11 @@ class CuriousPolicy:
         """Expected information, see `interact.policy.learned.Worth`; less than none where there is no trigger."""
         assert self._watched is not None and self._inner.memory is not None
         triggers = np.array([trigger_at(self._watched.observed, (int(u), int(v))) for u, v in found.pixels], int)
-        there = np.flatnonzero(triggers >= 0)
-        best = there[found.take(there).best_in_regions()]
-        new, moving = best[found.regions[best] < 0], best[found.regions[best] > 0]
+        known = found.regions > 0
+        new, moving = (np.flatnonzero((triggers >= 0) & one) for one in (~known, known))
+        moving = moving[found.take(moving).best_in_regions()]
         told = np.full(directions.shape, -1.0)
-        told[new] = NEW * self._of_new(found.scores[new], triggers[new])[:, None]
+        told[new] = self._of_new(found.take(new), triggers[new])[:, None]
         told[moving] = 0
         if len(moving) and not self._knows(self._watched):
             told[moving] = self._of_moving(found.take(moving), directions[moving], triggers[moving])
@@ -242,14 +237,46 @@ class CuriousPolicy:
         self._untried = not self._inner.memory.tried_here(promising.pixels).all()
         return told
 
-    def _of_new(self, scores: np.ndarray, triggers: np.ndarray) -> np.ndarray:
-        """How probably each is a link, see `on_triggers`."""
+    def _of_new(self, places: Candidates, triggers: np.ndarray) -> np.ndarray:
+        """What trying places is worth where no link is known, float (K,)."""
+        scores, held = places.scores, self._held
+        pixels = list(zip(*places.pixels.T.tolist(), strict=True))
         for trigger in set(triggers.tolist()) - set(self._promised):
-            self._promised[trigger] = 1 - float(np.prod(1 - scores[triggers == trigger]))
-        return on_triggers(scores, triggers, self._moving, self._promised)
+            first = places.take(triggers == trigger).best_of_regions()
+            self._promised[trigger] = 1 - float(np.prod(1 - first.scores))
+        tried = [held.at(pixel, trigger) for pixel, trigger in zip(pixels, triggers.tolist(), strict=True)]
+        new = np.array([one is None for one in tried], bool)
+        locked = np.array([0.0 if one is None else held.held(one) for one in tried])
+        waiting = locked * np.array([0.0 if one is None else one.promised for one in tried])
+        free = (1 - locked) * scores
+        released = self._released([() if one is None else one.actions for one in tried])
+        moves = waiting * released + free
+        best = places.best_in_regions(moves)
+        links = np.zeros(len(places))
+        links[best] = on_triggers((waiting + free)[best], triggers[best], self._moving, self._promised)
+        chances = zip(np.where(new, links, scores).tolist(), released.tolist(), strict=True)
+        self._chances = dict(zip(pixels, chances, strict=True))
+        moves /= np.maximum(waiting + free, LEAST)
+        told = self._of_a_link() * links * np.where(new, 1 - held.share, moves)
+        told[np.setdiff1d(np.arange(len(places)), best)] = -1
+        return told
+
+    def _of_a_link(self) -> float:
+        """What it is worth to find one: if links hold each other, every one that is found is the way to others."""
+        return NEW / (1 - self._held.share)
+
+    def _released(self, tries: Sequence[Sequence[int]]) -> np.ndarray:
+        """See `Curious.released`; ones where nothing was tried."""
+        assert self._watched is not None
+        told, some = np.ones(len(tries)), [k for k, actions in enumerate(tries) if actions]
+        if some:
+            self._sequence = self._sequence or self._watched.sequence()
+            told[some] = self._reasoner.released(self._sequence, [tries[k] for k in some])
+        return told
 
     def _of_moving(self, links: Candidates, directions: np.ndarray, triggers: np.ndarray) -> np.ndarray:
-        """The same of known links (K,); where one way does not work the other is tried."""
+        """What known links (K,) would tell this way and that, float (K, 2), or open; where one way does not work the
+        other is tried."""
         assert self._watched is not None
         self._sequence = self._sequence or self._watched.sequence()
         works = np.take_along_axis(links.directions, directions, axis=1)
@@ -258,8 +285,26 @@ class CuriousPolicy:
         actions = np.concatenate([links.positions[places], DIRECTIONS[directions[places, ways]]], axis=1)
         told, actions = np.zeros(directions.shape), actions.astype(np.float32)
         told[asked] = self._reasoner.expected_information(self._sequence, actions, triggers[places])
-        told = works * told + (1 - works) * (works * told)[:, ::-1]
-        return told * self._yields(links.regions)[:, None]
+        yields = self._yields(links.regions)[:, None]
+        told = yields * (works * told + (1 - works) * (works * told)[:, ::-1])
+        told[asked] = self._with_what_opens(told[asked], (yields * works)[asked], actions, triggers[places])
+        return told
+
+    def _with_what_opens(
+        self, told: np.ndarray, works: np.ndarray, actions: np.ndarray, triggers: np.ndarray
+    ) -> np.ndarray:
+        """What S actions on known links are worth together with trying as many of the places that are held as it is
+        best to try after each of them, by the action; float (S,)."""
+        assert self._inner.memory is not None
+        known = self._inner.memory.links
+        held = [one for one in self._held.places if not (one.moved or known[one.pixel[::-1]])]
+        if not held:
+            return told
+        links = np.array([self._held.held(one) * one.promised for one in held])
+        opened = self._reasoner.released(self._sequence, [one.actions for one in held], actions, triggers)
+        best = -np.sort(-self._of_a_link() * links * opened, axis=1)
+        sums = told[:, None] + works[:, None] * np.cumsum(best, axis=1)
+        return np.maximum(told, (sums / (2 + np.arange(len(held)))).max(axis=1))
 
     def _yields(self, regions: np.ndarray) -> np.ndarray:
         """How far to believe that known links (K,) move as things are now, by when each did and did not; float (K,)."""
@@ -340,7 +385,7 @@ class CuriousFactory:
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
         numbers = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
-        numbers |= {"held": HELD, "certain": CERTAIN, "aside": ASIDE}
+        numbers |= {"certain": CERTAIN, "aside": ASIDE, "same": SAME, "none_held": NONE_HELD}
         return {
             "mode": self.learned.mode,
             "policy": policy,

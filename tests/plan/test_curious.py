@@ -20,7 +20,6 @@ from busybot.interact.policy.policy_factory import LearnedPolicyFactory
 from busybot.objects.resolve import find
 from busybot.plan.curious import (
     ELSEWHERE,
-    HELD,
     NEW,
     CuriousFactory,
     CuriousPolicy,
@@ -28,12 +27,13 @@ from busybot.plan.curious import (
     curious_reasoner,
     on_triggers,
 )
+from busybot.plan.held_links import HeldLinks
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.inputs.observation import observe_episode, trigger_at
 from busybot.reason.inputs.sequence import sequence_of
 from busybot.sim.builtin_policies import builtin_factory
 from busybot.sim.interaction import InteractionConfig
-from busybot.sim.policy import Action, Detections
+from busybot.sim.policy import Detections
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.real_camera import REAL, CameraConfig
@@ -73,8 +73,8 @@ def test_it_sees_while_it_acts_what_is_recorded_and_asks_what_tells_most(camera:
     assert np.array_equal(online.links.states, recorded.links.states)
     assert policy._sequence is not None or camera != CameraConfig()
     assert (policy._inner.triggers is not None) == (camera == CameraConfig())
-    memory = policy._inner.memory
-    assert memory is not None and all(episode.steps[one.action].pixel == one.pixel for one in memory.failures)
+    tried = [action for place in policy._held.places for action in place.actions]
+    assert not any(episode.steps[action].success for action in tried) and (tried or camera != CameraConfig())
 
 
 def test_nobody_is_certain_while_a_trigger_was_never_seen_moving(simulator: Simulator) -> None:
@@ -98,8 +98,8 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
         def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
             return 0.1 * np.exp(5 * actions[:, 0].astype(float))
 
-        def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
-            return np.zeros(len(tries))
+        def released(self, seen: object, tries: Sequence[Sequence[int]], *of: np.ndarray) -> np.ndarray:
+            return np.zeros((*map(len, of[:1]), len(tries)))
 
         def yields(self, seen: object, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
             return np.ones(len(tries))
@@ -144,7 +144,7 @@ def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_doe
             return np.ones(len(tries))
 
     assert policy._inner.memory is not None
-    policy._reasoner, policy._inner.memory.failures = Asked(), []
+    policy._reasoner, policy._inner.memory.failures, policy._held = Asked(), [], HeldLinks()
     assert policy._watched is not None
     boxes = policy._watched.observed.boxes[policy._watched.observed.triggers]
     policy._moving = set(policy._watched.observed.triggers.tolist())
@@ -228,37 +228,54 @@ def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) 
     assert len(moved) - 1 <= len(memory.pairs) <= len(moved)
 
 
-@pytest.mark.parametrize("held", [False, True])
-def test_what_did_not_move_is_tried_again_when_the_reasoner_says_that_it_may(
-    simulator: Simulator, held: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A stand-in says that what was in the way of a failure is gone, or that it is not; what comes of it is counted."""
+def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(simulator: Simulator) -> None:
+    """Of two triggers whose only candidate promised much and failed, on a board where others failed, too; a stand-in
+    says what holds them. Another one that was not tried is worth what a link is that nothing holds."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
     factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, STEPS, InteractionConfig(), 0)
+    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
     policy: CuriousPolicy = vars(factory)["policy"]
-    memory, watched = policy._inner.memory, policy._watched
-    assert memory is not None and watched is not None
 
     class Told:
-        def released(self, seen: object, tries: Sequence[Sequence[int]]) -> np.ndarray:
-            return np.full(len(tries), float(not held))
+        def released(self, seen: object, tries: Sequence[Sequence[int]], *of: np.ndarray) -> np.ndarray:
+            return np.array([{0: 0.0, 1: 0.5}[actions[0]] for actions in tries])
 
-    monkeypatch.setattr(policy, "_moved", lambda pixel, seen, after, rewarded: rewarded)
-    policy._reasoner, policy._tried_again, memory.failures = Told(), [0.0, 0.0], []
-    policy._reconsider(watched)
-    assert not len(policy._released)
-    memory.failed(Failure((20, 20), {0: 0.5}, 0))
-    policy._reconsider(watched)
-    assert memory.failures[0].overcome == (0 if held else HELD)
-    for moved, counted in ((0, [0.0, 1.0]), (1, [1.0, 1.0])):
-        memory.links[20, 20], memory.failures = 0, [Failure((20, 20), {0: 0.5}, 0)]
-        assert policy._seen is not None
-        policy.observe(Action((20, 20), (0,)), (0,), moved, policy._seen)
-        assert policy._tried_again == ([0.0, 0.0] if held else counted)
-    memory.failures = [Failure((90, 20), {0: 0.5}, 0)]
-    policy._reconsider(watched)
-    assert memory.failures[0].overcome == pytest.approx(0 if held else (HELD + 1) / 3)
+    policy._reasoner, policy._held, policy._promised, policy._moving = Told(), HeldLinks(), {}, {1, 2, 3}
+    pixels, triggers = np.array([(20, 20), (60, 20), (90, 20)]), np.array([1, 2, 3])
+    for action, (pixel, trigger) in enumerate(zip(pixels.tolist()[:2], (1, 2), strict=True)):
+        policy._held.tried(action, (pixel[0] + 1, pixel[1]), trigger, (0.9, 0.0), False)
+    beliefs, pairs = np.array([0.01, 0.01, 0.9]), np.ones((3, 9))
+    found = Candidates(pixels, np.zeros((3, 3), np.float32), beliefs, np.ones((3, 18)), pairs, np.array([-1, -2, -3]))
+    still, released, new = policy._of_new(found, triggers)
+    place = policy._held.places[1]
+    assert new == pytest.approx(NEW * 0.9) and still < 0.05 * new
+    locked, share = policy._held.held(place), policy._held.share
+    assert released == pytest.approx(NEW / (1 - share) * (locked * 0.9 * 0.5 + (1 - locked) * 0.01))
+    assert policy._chances[60, 20] == (0.01, 0.5) and policy._chances[90, 20] == (pytest.approx(0.9), 1.0)
+    assert policy._held_at((99, 99)) == 0
+
+
+def test_moving_a_known_link_is_worth_what_it_opens_too(simulator: Simulator) -> None:
+    """Of two moves that tell little the first one lets three held links go, which take an action each; the third one
+    tells more than that."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+
+    class Told:
+        def released(self, seen: object, tries: Sequence[Sequence[int]], *of: np.ndarray) -> np.ndarray:
+            return np.array([[0.5] * len(tries), [0.0] * len(tries), [0.0] * len(tries)])
+
+    policy._reasoner, policy._held = Told(), HeldLinks()
+    told, works, none = np.array([0.1, 0.1, 3.0]), np.array([0.5, 1.0, 1.0]), np.zeros(0)
+    assert policy._with_what_opens(told, works, none, none) is told, "where nothing is held"
+    for action in range(4):
+        policy._held.tried(action, (20 * action, 20), 1, (0.9, 0.0), False)
+    policy._held.tried(4, (60, 20), 1, (0.9, 0.0), True)
+    locked, share = policy._held.held(policy._held.places[0]), policy._held.share
+    best = 3 * 0.5 * NEW / (1 - share) * locked * 0.9 * 0.5
+    assert policy._with_what_opens(told, works, none, none) == pytest.approx([(0.1 + best) / 4, 0.1, 3.0])
 
 
 def test_who_cannot_tell_is_not_asked() -> None:

@@ -37,16 +37,14 @@ class Failure:
     Attributes:
         pixel: (u, v).
         pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
-        action: which of the board's actions it was, from 0; -1 if nobody asks.
-        overcome: how probable it is that what was in the way then is not there any more.
         weight: how much it tells of other places, 0 to 1.
+        held: how probable it is that there is a link that something holds: it tells so much less of other places.
     """
 
     pixel: tuple[int, int]
     pairs: dict[int, float]
-    action: int = -1
-    overcome: float = 0.0
     weight: float = 1.0
+    held: float = 0.0
 
 
 class BoardMemory:
@@ -152,14 +150,9 @@ class BoardMemory:
         """Where the failures were, int (F, 2), u and v."""
         return np.array([one.pixel for one in self.failures], int).reshape(-1, 2)
 
-    def tries(self) -> list[list[int]]:
-        """For each failure the actions that failed where it was."""
-        there = self.failed_at(self.failed_pixels)
-        return [[one.action for one, near in zip(self.failures, row, strict=True) if near] for row in there]
-
-    def overcome(self, beliefs: Sequence[float]) -> None:
-        """Believe of each failure so much that what was in the way is not there any more: it tells so much less."""
-        self.failures = [replace(one, overcome=now) for one, now in zip(self.failures, beliefs, strict=True)]
+    def explain(self, held: Sequence[float]) -> None:
+        """Believe of each failure so much that a link is there which something holds."""
+        self.failures = [replace(one, held=now) for one, now in zip(self.failures, held, strict=True)]
 
     def doubted(
         self, pixels: np.ndarray, logits: np.ndarray, pairs: np.ndarray, elsewhere: np.ndarray | None = None
@@ -182,13 +175,12 @@ class BoardMemory:
         penalty, components = np.zeros(len(pixels)), self._components[rows, columns]
         for failure, near in zip(self.failures, nears, strict=True):
             same = components == self._components[failure.pixel[1], failure.pixel[0]]
-            far = (1 - near) * (1 - failure.overcome) * failure.weight
+            far = (1 - near) * (1 - failure.held) * failure.weight
             penalty += far * (self._config.component_penalty * same + self._config.failure_penalty)
         penalty += self._config.responder_penalty * _among(components, self.responders)
         penalty -= self._config.trigger_bonus * _among(components, self._triggers())
         beliefs, pairs = sigmoid(logits - np.where(links == 0, penalty, 0)), pairs.copy()
         for failure, near in zip(self.failures, nears, strict=True):
-            near = near * (1 - failure.overcome)
             for pair, pair_belief in failure.pairs.items():
                 beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
                 pairs = self._without(pairs, pair, near)

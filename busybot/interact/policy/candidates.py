@@ -100,9 +100,9 @@ class Candidates:
         """One candidate per region, the one with the highest score."""
         return self.take(self.best_in_regions())
 
-    def best_in_regions(self) -> np.ndarray:
-        """Their indices, the highest score first, int (regions,)."""
-        order = np.argsort(-self.scores, kind="stable")
+    def best_in_regions(self, values: np.ndarray | None = None) -> np.ndarray:
+        """Their indices, the highest score first, or what else is to be high, float (K,); int (regions,)."""
+        order = np.argsort(-(self.scores if values is None else values), kind="stable")
         _, first = np.unique(self.regions[order], return_index=True)
         return order[np.sort(first)]
 

@@ -115,7 +115,7 @@ class LearnedPolicy(Generic[V]):
             pairs = {int(PAIR_OF[choice.direction]): choice.pair_belief}
             # a failure that was expected tells little of other places
             weight = 1.0 if self.worth is None else choice.belief * choice.pair_belief
-            memory.failed(Failure(action.pixel, pairs, len(self._picks) - 1, weight=weight))
+            memory.failed(Failure(action.pixel, pairs, weight))
 
     def _look(self, observation: Observation) -> tuple[V, BoardMemory]:
         if self.view is None or observation is not self._seen:

@@ -169,9 +169,16 @@ class Curious(Protocol):
         arguments as of `predict`."""
         ...
 
-    def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:
+    def released(
+        self,
+        seen: BoardSequence,
+        tries: Sequence[Sequence[int]],
+        actions: np.ndarray | None = None,
+        acted: np.ndarray | None = None,
+    ) -> np.ndarray:
         """How probable it is that each of F things may move now, if it could not because of how something else looked
-        when it was tried, by the actions named, from 0; float (F,)."""
+        when it was tried, by the actions named, from 0; float (F,). Or after each of S actions, one of which may be
+        done next, arguments as of `predict`; float (S, F)."""
         ...
 
     def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:

@@ -119,23 +119,21 @@ def test_a_sure_place_is_tried_again_and_an_unsure_one_is_left() -> None:
     assert beliefs[0] > 0.9 and beliefs[1] < 0.3
 
 
-def test_a_failure_tells_less_when_what_was_in_the_way_may_be_gone() -> None:
+def test_a_failure_tells_less_of_other_places_if_a_link_is_held_there() -> None:
     pixels, told = ((50, 50), (79, 41)), []
-    for overcome in (0.0, 0.5, 1.0):
+    for held in (0.0, 0.5, 1.0):
         memory = fresh()
-        memory.failed(Failure((50, 50), {3: 0.9}, 7))
-        memory.overcome([overcome])
-        told.append(logits_of(memory, *pixels))
-    (never, _), (perhaps, _), (surely, pairs) = told
-    assert (never < perhaps).all() and (perhaps < surely).all()
-    assert surely == pytest.approx(1 / (1 + np.exp(-2))) and pairs == pytest.approx(0.5), "as if it had not been"
+        memory.failed(Failure((50, 50), {3: 0.9}))
+        memory.explain([held])
+        told.append(logits_of(memory, *pixels)[0])
+    (here, never), (still, perhaps), (too, surely) = told
+    assert here == still == too and never < perhaps < surely
+    assert surely == pytest.approx(1 / (1 + np.exp(-2))), "as if it had not been"
 
 
-def test_failures_of_one_place_are_told_together() -> None:
+def test_where_an_action_failed_is_known_as_nearly_as_candidates_lie_apart() -> None:
     memory = fresh()
-    for action, pixel in enumerate(((50, 50), (79, 41), (51, 49))):
-        memory.failed(Failure(pixel, {3: 0.9}, action))
-    assert memory.tries() == [[0, 2], [1], [0, 2]] and fresh().tries() == []
+    memory.failed(Failure((50, 50), {3: 0.9}))
     assert memory.tried_here(np.array([(50, 51), (60, 50)])).tolist() == [True, False]
 
 

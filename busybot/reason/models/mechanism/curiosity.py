@@ -8,6 +8,7 @@ outcome independently of the others.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import digamma, entr
@@ -27,21 +28,38 @@ from busybot.reason.models.mechanism.contexts import (
 
 LOCKED = 0.2
 """How probable it is that a link waits for a responder, before it was tried."""
-GIVES = 0.9
+GIVES = 0.98
 """How probably a link moves that nothing holds, if pushed as it moved before; what is held seems to move as probably as
 this one does not."""
 MAY_GIVE = 0.5
 """The same if pushed in a way of which that is not known."""
 
 
-def expected_information(
+@dataclass(frozen=True)
+class Expected:
+    """What is expected of M moves.
+
+    Attributes:
+        information: in nats, float (M,).
+        shown: how probably each responder is in each state afterwards, float (M, R, S).
+    """
+
+    information: np.ndarray
+    shown: np.ndarray
+
+    def take(self, chosen: Sequence[int]) -> "Expected":
+        """Of those moves."""
+        return Expected(self.information[list(chosen)], self.shown[list(chosen)])
+
+
+def expected(
     trace: Trace,
     found: Explanations,
     shares: np.ndarray,
     moves: Sequence[Sequence[int]],
     of: np.ndarray | None = None,
-) -> np.ndarray:
-    """Of each move, in nats, float (M,).
+) -> Expected:
+    """What each move would tell and show.
 
     Args:
         found: explanations of the trace.
@@ -56,7 +74,7 @@ def expected_information(
     tries = np.exp(ATTEMPTS[before]) * there[..., None]  # (R, after, goals)
     tries /= tries.sum(1, keepdims=True)
     open_ = entr(tries).sum(1)
-    told = []
+    told, shown = [], []
     for links in moves:
         [contexts] = contexts_of(trace.longer(links, before), 1)
         likely, inner = _foretold(followed(trace, found, contexts, before, of) + few)
@@ -65,26 +83,39 @@ def expected_information(
             np.einsum("rug,rag->rua", going, tries),
             np.einsum("rug,rg->ru", going, open_),
         )
-        told.append(_information(likely, inner, shares))
-    return np.array(told)
+        mean = np.einsum("rh,rhs->rs", shares, likely)
+        told.append(float((entr(mean).sum(-1) - (shares * inner).sum(-1)).sum()))
+        shown.append(mean)
+    return Expected(np.array(told), np.array(shown).reshape(len(moves), *there.shape))
 
 
-def released(responders: np.ndarray, tries: Sequence[Sequence[int]]) -> np.ndarray:
-    """How probable it is that something may move now that could not whenever it was tried, if a responder's state held
-    it: any responder in any of its states may be what it waits for, but those in which it was tried in vain;
-    float (F,).
+def expected_information(
+    trace: Trace, found: Explanations, shares: np.ndarray, moves: Sequence[Sequence[int]], of: np.ndarray | None = None
+) -> np.ndarray:
+    """Of each move, in nats, float (M,); see `expected`."""
+    return expected(trace, found, shares, moves, of).information
+
+
+def released(responders: np.ndarray, tries: Sequence[Sequence[int]], shown: np.ndarray | None = None) -> np.ndarray:
+    """How probable it is that something may move that could not whenever it was tried, if a responder's state held it:
+    any responder in any of its states may be what it waits for, but those in which it was tried in vain.
 
     Args:
         responders: int (T + 1, R), states after each action.
         tries: for each of F things the actions that failed to move it, from 0.
+        shown: how probably each responder is in each state then, float (M, R, S); as after the last action without it.
+
+    Returns:
+        float (F,), or (M, F).
     """
     there = _states(responders)
+    now = np.eye(STATES)[responders[-1]] if shown is None else shown
     told = []
     for actions in tries:
         in_vain = (responders[list(actions)][..., None] == np.arange(STATES)).any(0)
         waited_for = there & ~in_vain
-        told.append(waited_for[np.arange(len(there)), responders[-1]].sum() / max(1, waited_for.sum()))
-    return np.array(told)
+        told.append((now * waited_for).sum((-2, -1)) / max(1, waited_for.sum()))
+    return np.stack(told, axis=-1) if told else np.zeros((*now.shape[:-2], 0))
 
 
 def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> float:
@@ -136,14 +167,3 @@ def _foretold(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     total = counts.sum(-1, keepdims=True)
     likely = counts / total
     return likely, digamma(total[..., 0] + 1) - (likely * digamma(counts + 1)).sum(-1)
-
-
-def _information(likely: np.ndarray, inner: np.ndarray, shares: np.ndarray) -> float:
-    """Of one outcome, over all responders.
-
-    Args:
-        likely, inner: of `_foretold`.
-        shares: (R, H).
-    """
-    mean = np.einsum("rh,rhs->rs", shares, likely)
-    return float((entr(mean).sum(-1) - (shares * inner).sum(-1)).sum())

@@ -32,7 +32,7 @@ from busybot.reason.models.mechanism.contexts import (
     goals,
     memories,
 )
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released, yields
+from busybot.reason.models.mechanism.curiosity import Expected, certainty, expected, released, yields
 from busybot.reason.models.mechanism.laws import Laws
 from busybot.reason.models.mechanism.networks import (
     BoardFacts,
@@ -308,16 +308,30 @@ class MechanismReasoner:
 
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
         """See `Curious`: an action moves a link as the seen ones did, on to where it was never seen, or nothing."""
+        told, vain = self._expected(seen, actions, acted)
+        return told.information * NOWHERE**vain
+
+    def released(
+        self,
+        seen: BoardSequence,
+        tries: Sequence[Sequence[int]],
+        actions: np.ndarray | None = None,
+        acted: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """See `Curious`."""
+        responders = study_of(seen, self.encoder).perceived.trace.responders
+        if actions is None or acted is None:
+            return released(responders, tries)
+        return released(responders, tries, self._expected(seen, actions, acted)[0].shown)
+
+    def _expected(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> tuple[Expected, np.ndarray]:
+        """Of S actions, and how often what each pushes on was tried in vain, int (S,)."""
         known = self._understand(seen)
         leads = [_led(known.perceived, seen.actions, *one) for one in zip(actions, acted.tolist(), strict=True)]
-        distinct = list(dict.fromkeys(move for move, _ in leads))
+        distinct = tuple(dict.fromkeys(move for move, _ in leads))
         of, shares = known.at()
-        told = expected_information(known.trace, known.found, shares, distinct, of)
-        return np.array([told[distinct.index(move)] * NOWHERE**vain for move, vain in leads])
-
-    def released(self, seen: BoardSequence, tries: Sequence[Sequence[int]]) -> np.ndarray:
-        """See `Curious`."""
-        return released(study_of(seen, self.encoder).perceived.trace.responders, tries)
+        told = seen.once((self, "expected", distinct), lambda: expected(known.trace, known.found, shares, distinct, of))
+        return told.take([distinct.index(move) for move, _ in leads]), np.array([vain for _, vain in leads], int)
 
     def yields(self, seen: BoardSequence, tries: Sequence[Sequence[tuple[int, bool, bool]]]) -> np.ndarray:
         """See `Curious`."""

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information, released, yields
+from busybot.reason.models.mechanism.curiosity import certainty, expected, expected_information, released, yields
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -33,8 +33,10 @@ def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
     found = explanations_of(trace)
     told = expected_information(trace, found, shares_of(found, (0,), (0, 1)), [(1, 0), (0, 1), (0, 0)])
     assert told[1] > 5 * told[0] >= 0 and told[1] > 5 * told[2] >= 0
-    sure = expected_information(trace, found, shares_of(found, (0,)), [(1, 0), (0, 1), (0, 0)])
-    assert sure.max() < 0.05
+    sure = expected(trace, found, shares_of(found, (0,)), [(1, 0), (0, 1), (0, 0)])
+    assert sure.information.max() < 0.05
+    assert sure.shown[:, 0, 1] == pytest.approx([1, 0, 0], abs=0.01) and sure.shown.sum(-1) == pytest.approx(1)
+    assert sure.take([2, 0]).shown[:, 0, 1] == pytest.approx([0, 1], abs=0.01)
 
 
 def test_where_what_may_fail_goes_is_known_soon_and_its_failing_tells_little() -> None:
@@ -82,6 +84,11 @@ def test_what_was_held_may_move_when_responders_look_as_they_never_did_when_it_w
     assert told == pytest.approx([1 / 3, 1 / 2, 0, 0, 3 / 6])
     assert released(shown[:1], [[0]]) == pytest.approx([0]) and released(shown, []).shape == (0,)
     assert released(shown[:, :0], [[0]]) == pytest.approx([0]), "no responders"
+    then = np.zeros((2, 3, 3))
+    then[0, :, 0], then[1, 0, 1], then[1, 1, :2], then[1, 2, 1] = 1, 1, 0.5, 1
+    told = released(shown, [[0], [0, 1], [0, 1, 2]], then)
+    assert told == pytest.approx(np.array([[0, 0, 0], [2.5 / 3, 1.5 / 2, 1]])), "after either of two actions"
+    assert released(shown, [], then).shape == (2, 0)
 
 
 def test_a_known_link_is_believed_to_move_when_the_responder_looks_as_it_did_when_it_moved() -> None:

@@ -9,7 +9,8 @@ All are judged by the shipped `mechanism` model: the F1 of the links that it cla
 from other seeds (`--seeds`) judge, and choose where they are curious, by themselves; what they reach stands beside it.
 
 - `drawn`: boards of the training split that are moved without a simulator, true states. Links are chosen at random, in
-  turn (`coverage`), or by the model's curiosity after one turn (`curious`, which waits, too, if that tells more).
+  turn (`coverage`), or by the model's curiosity after one turn (`curious`, which waits, too, if that tells more). What
+  may be held is told from what is not, and opened, as `collect --policy curious` does.
 - `greedy`: the same, chosen by the exact observer's information; slow, so on the first boards alone, with the others
   beside it on just these. *Regret* is how far F1 is behind that of greedy choice, mean over the first 30 actions.
 - `recorded`: simulated boards, pictures, and the learned policy's contacts: `collect --policy learned` draws among
@@ -48,10 +49,11 @@ from busybot.evaluation.statistics import percentile_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.plan.curious import CERTAIN, REASONER
+from busybot.plan.held_links import HeldLinks, Place
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, judge_episode
 from busybot.reason.evaluation.upper_bound import Observer, greedy
 from busybot.reason.models.mechanism.contexts import Trace
-from busybot.reason.models.mechanism.curiosity import certainty, expected_information
+from busybot.reason.models.mechanism.curiosity import certainty, expected, released, yields
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -67,6 +69,8 @@ SEED, SEED_OF_STOPPING = 991, 992
 CLAIMED, KNOWN, DRAWS = 0.5, 0.95, 1000
 
 
+Try = tuple[int, bool, bool]
+"""Which action took hold of a link, whether it moved, and that it was pushed as it moves."""
 Done = list[tuple[int | None, tuple[int, ...]]]
 """Actions: the link that each was to move, None for none, and the states of the links after it."""
 
@@ -92,8 +96,9 @@ class Player:
         script: Done | None = None,
     ):
         self._board, self._reasoner, self._choice, self._rng, self._script = board, reasoner, choice, rng, script
-        self._links, self._shown, self._acted = [board.triggers], [board.shown], list[int]()
+        self._links, self._shown = [board.triggers], [board.shown]
         self._order = rng.permutation(len(board.triggers))
+        self._held, self._moved = HeldLinks(), [list[Try]() for _ in board.triggers]
         watches = choice == "greedy" and script is None
         self._observer = Observer(board.space, board.triggers, board.shown) if watches else None
         self.done: Done = []
@@ -103,9 +108,10 @@ class Player:
     def act(self) -> None:
         board = self._board
         link, after = self._tried() if self._script is None else self._script[len(self.done)]
+        if link is not None:
+            self._remember(link, after[link] != board.triggers[link])
         board.act(after)
         self.done.append((link, after))
-        self._acted.append(-1 if link is None else link)
         self._links.append(board.triggers)
         self._shown.append(board.shown)
         if self._observer:
@@ -130,13 +136,50 @@ class Player:
             return free[greedy(self._observer.belief(), [there for _, there in free], self._rng)]
         if self._choice == "curious" and done >= len(self._order):
             moves.append((None, board.triggers))
-            told = expected_information(self._trace, self._found, self._shares, [there for _, there in moves])
-            told *= [1 if link is None else patience(self._trace, self._acted, link) for link, _ in moves]
+            told = self._worth([link for link, _ in moves], [there for _, there in moves])
             return moves[int(self._rng.choice(np.flatnonzero(told >= told.max())))]
         turn = int(self._order[done % len(self._order)])
         link = int(self._rng.integers(len(self._order))) if self._choice == "random" else turn
         own = board.moves(link)
         return link, own[int(self._rng.integers(len(own)))]
+
+    def _remember(self, link: int, moved: bool) -> None:
+        """That a link was tried: until it moves it is where something may be held, and then a known one."""
+        step, place = len(self.done), self._place(link)
+        if not any(success for _, success, _ in self._moved[link]):
+            released = 1.0 if place is None else float(self._released([place])[0])
+            self._held.tried(step, (0, 0), link, (WORKS, released), moved)
+        self._moved[link].append((step, moved, True))
+
+    def _place(self, link: int) -> Place | None:
+        """Where a link was tried that never moved."""
+        place = self._held.at((0, 0), link)
+        return None if place is None or place.moved else place
+
+    def _released(self, places: Sequence[Place], shown: np.ndarray | None = None) -> np.ndarray:
+        return released(np.array(self._shown), [one.actions for one in places], shown)
+
+    def _worth(self, links: Sequence[int | None], moves: Sequence[tuple[int, ...]]) -> np.ndarray:
+        """What moves of links, None for none, are worth, float (M,), as the curious policy has it; what a link is worth
+        that never moved is what moving it would tell."""
+        expects, held = expected(self._trace, self._found, self._shares, moves), self._held
+        told, works = expects.information.copy(), np.ones(len(moves))
+        worth, places = dict[int, float](), dict[int, Place]()
+        for number, link in enumerate(links):
+            if link is None:
+                continue
+            if (place := self._place(link)) is None:
+                works[number] = WORKS * yields(self._trace.responders, self._moved[link])
+            else:
+                locked = held.held(place) * place.promised
+                works[number] = locked * self._released([place])[0] + (1 - locked) * WORKS
+                told[number] /= 1 - held.share
+                worth[link], places[link] = max(worth.get(link, 0.0), told[number]), place
+        known = [number for number, link in enumerate(links) if link not in places]
+        told, closed = told * works, list(places.values())
+        opened = self._released(closed, expects.shown[known])
+        told[known] = held.with_what_opens(told[known], works[known], np.array(list(worth.values())), closed, opened)
+        return told
 
     def _judge(self) -> None:
         """What the model makes of the trace, which curiosity reads next."""
@@ -175,20 +218,6 @@ def drawn(
         for one in told.values():
             one["regret"] = float(np.mean(np.subtract(told["greedy"]["f1"], one["f1"])[:STEPS]))
     return found
-
-
-def patience(trace: Trace, acted: Sequence[int] | np.ndarray, link: int) -> float:
-    """How far to believe that a link moves: half as much with every action that failed to move it as things stand.
-
-    A link that something holds moves when responders look otherwise; then it is believed again.
-
-    Args:
-        acted: the link that each action took hold of, -1 for none, (T,).
-    """
-    steps = np.flatnonzero(np.asarray(acted) == link)
-    alike = (trace.responders[steps] == trace.responders[-1]).all(1)
-    failed = trace.links[steps, link] == trace.links[steps + 1, link]
-    return float(0.5 ** (alike & failed).sum())
 
 
 def _told(played: Sequence[Played], world: str) -> dict[str, Any]:

@@ -293,18 +293,14 @@ class CuriousPolicy:
     def _with_what_opens(
         self, told: np.ndarray, works: np.ndarray, actions: np.ndarray, triggers: np.ndarray
     ) -> np.ndarray:
-        """What S actions on known links are worth together with trying as many of the places that are held as it is
-        best to try after each of them, by the action; float (S,)."""
+        """What S actions on known links are worth, together with what they open, float (S,)."""
         assert self._inner.memory is not None
         known = self._inner.memory.links
         held = [one for one in self._held.places if not (one.moved or known[one.pixel[::-1]])]
         if not held:
             return told
-        links = np.array([self._held.held(one) * one.promised for one in held])
         opened = self._reasoner.released(self._sequence, [one.actions for one in held], actions, triggers)
-        best = -np.sort(-self._of_a_link() * links * opened, axis=1)
-        sums = told[:, None] + works[:, None] * np.cumsum(best, axis=1)
-        return np.maximum(told, (sums / (2 + np.arange(len(held)))).max(axis=1))
+        return self._held.with_what_opens(told, works, np.full(len(held), self._of_a_link()), held, opened)
 
     def _yields(self, regions: np.ndarray) -> np.ndarray:
         """How far to believe that known links (K,) move as things are now, by when each did and did not; float (K,)."""

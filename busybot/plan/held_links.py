@@ -97,6 +97,29 @@ class HeldLinks:
         held = SHARES * place.waited
         return float(self._belief() @ (held / np.maximum(held + (1 - SHARES) * place.empty, LEAST)))
 
+    def with_what_opens(
+        self, told: np.ndarray, works: np.ndarray, worth: np.ndarray, held: Sequence[Place], opened: np.ndarray
+    ) -> np.ndarray:
+        """What moves are worth together with trying as many of the places that are held as it is best to try after
+        each of them, by the action.
+
+        Args:
+            told: of each by itself, float (M,).
+            works: how probably each does what is expected of it, (M,).
+            worth: what a link is worth that is there and found at each of F places, (F,).
+            held: the places.
+            opened: how probably what is held there moves after each move, (M, F).
+
+        Returns:
+            float (M,), no less than by itself.
+        """
+        if not held:
+            return told
+        there = np.array([self.held(one) * one.promised for one in held])
+        best = -np.sort(-worth * there * opened, axis=1)
+        sums = told[:, None] + works[:, None] * np.cumsum(best, axis=1)
+        return np.maximum(told, (sums / (2 + np.arange(len(held)))).max(axis=1))
+
     def _belief(self) -> np.ndarray:
         """How probable each of `SHARES` is."""
         rest = len(SHARES) - 1

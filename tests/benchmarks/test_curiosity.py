@@ -10,7 +10,6 @@ from busybot.common.errors import UsageError
 from busybot.evaluation.results import read_result
 from busybot.objects.resolve import find
 from busybot.plan.curious import REASONER
-from busybot.reason.models.mechanism.contexts import Trace
 
 
 def test_when_relations_are_known_is_the_first_action_after_which_f1_is_high_enough() -> None:
@@ -50,11 +49,3 @@ def test_other_seeds_stand_beside_what_is_there(tmp_path: Path) -> None:
     assert told["seeds"]["mechanism-1"]["stopping"]["curious"]["boards"] == 1
     with pytest.raises(UsageError, match="a model event"):
         curiosity.main([*words, "--seeds", "event"])
-
-
-def test_a_link_that_does_not_give_is_believed_again_when_things_stand_otherwise() -> None:
-    links = np.array([[0, 0], [0, 0], [0, 0], [1, 0], [1, 1]])
-    trace = Trace(links, np.array([[0], [0], [0], [1], [1]]), (2, 2))
-    acted = [1, 1, 0, 1]  # the second link is held while the responder shows 0
-    assert curiosity.patience(trace.first(2), acted[:2], 1) == 0.25
-    assert curiosity.patience(trace, acted, 1) == curiosity.patience(trace.first(2), acted[:2], 0) == 1

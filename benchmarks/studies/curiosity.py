@@ -98,7 +98,7 @@ class Player:
         self._board, self._reasoner, self._choice, self._rng, self._script = board, reasoner, choice, rng, script
         self._links, self._shown = [board.triggers], [board.shown]
         self._order = rng.permutation(len(board.triggers))
-        self._held, self._moved = HeldLinks(), [list[Try]() for _ in board.triggers]
+        self._held, self._tries = HeldLinks(), [list[Try]() for _ in board.triggers]
         watches = choice == "greedy" and script is None
         self._observer = Observer(board.space, board.triggers, board.shown) if watches else None
         self.done: Done = []
@@ -146,15 +146,14 @@ class Player:
     def _remember(self, link: int, moved: bool) -> None:
         """That a link was tried: until it moves it is where something may be held, and then a known one."""
         step, place = len(self.done), self._place(link)
-        if not any(success for _, success, _ in self._moved[link]):
+        if not any(success for _, success, _ in self._tries[link]):
             released = 1.0 if place is None else float(self._released([place])[0])
             self._held.tried(step, (0, 0), link, (WORKS, released), moved)
-        self._moved[link].append((step, moved, True))
+        self._tries[link].append((step, moved, True))
 
     def _place(self, link: int) -> Place | None:
         """Where a link was tried that never moved."""
-        place = self._held.at((0, 0), link)
-        return None if place is None or place.moved else place
+        return self._held.at((0, 0), link)
 
     def _released(self, places: Sequence[Place], shown: np.ndarray | None = None) -> np.ndarray:
         return released(np.array(self._shown), [one.actions for one in places], shown)
@@ -169,7 +168,7 @@ class Player:
             if link is None:
                 continue
             if (place := self._place(link)) is None:
-                works[number] = WORKS * yields(self._trace.responders, self._moved[link])
+                works[number] = WORKS * yields(self._trace.responders, self._tries[link])
             else:
                 locked = held.held(place) * place.promised
                 works[number] = locked * self._released([place])[0] + (1 - locked) * WORKS

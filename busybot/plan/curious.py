@@ -39,7 +39,7 @@ from busybot.interact.policy.policy_factory import (
     load_once,
 )
 from busybot.plan.agent_policy import OnlineFeatures
-from busybot.plan.held_links import LEAST, NONE_HELD, SAME, HeldLinks
+from busybot.plan.held_links import LEAST, NONE_HELD, SAME, SUREST, HeldLinks
 from busybot.reason.encoders.registry import FeatureExtractor, make_extractor
 from busybot.reason.inputs.observation import NO_BOXES, Frame, ObservedAction, ObservedEpisode, trigger_at
 from busybot.reason.inputs.sequence import BoardSequence, sequence_of
@@ -175,13 +175,15 @@ class CuriousPolicy:
         memory = self._inner.memory
         assert memory is not None
         moved = self._moved(action.pixel, seen, after, bool(reward))
-        trigger = trigger_at(watched.observed, action.pixel)
-        if trigger >= 0 and not memory.links[action.pixel[1], action.pixel[0]]:
-            self._held.tried(len(self._done), action.pixel, trigger, self._chances.get(action.pixel, (0.0, 0.0)), moved)
+        trigger, known = trigger_at(watched.observed, action.pixel), len(memory.pairs)
+        nothing = not memory.links[action.pixel[1], action.pixel[0]]
         self._done.append(Done(action.pixel, int(PAIR_OF[executed[-1]]), moved))
         if moved:
             self._moving.add(trigger)
         self._inner.observe(action, executed, int(bool(moved)), after)
+        if trigger >= 0 and nothing and (not moved or len(memory.pairs) > known):  # else it was a known link after all
+            chances = self._chances.get(action.pixel, (0.0, 0.0))
+            self._held.tried(len(self._done) - 1, action.pixel, trigger, chances, moved)
         x, y, z = map(float, self._rays.point(seen.depth, action.pixel))
         proposed, tried = DIRECTIONS[action.directions[0]].tolist(), DIRECTIONS[executed[-1]].tolist()
         pushed = tuple(tried) if watched.changed(after) else None
@@ -381,7 +383,7 @@ class CuriousFactory:
         policy = candidates_config(card_of(self.learned.model), self.learned.overrides).provenance()
         reasoner = file_hashes(find_folder(self.reasoner, "reason"))
         numbers = {"new": NEW, "elsewhere": ELSEWHERE, "promising": PROMISING, "negligible": NEGLIGIBLE}
-        numbers |= {"certain": CERTAIN, "aside": ASIDE, "same": SAME, "none_held": NONE_HELD}
+        numbers |= {"certain": CERTAIN, "aside": ASIDE, "same": SAME, "none_held": NONE_HELD, "surest": SUREST}
         return {
             "mode": self.learned.mode,
             "policy": policy,

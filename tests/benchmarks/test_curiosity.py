@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.studies import curiosity
+from benchmarks.studies.bounds import Drawn
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.common.errors import UsageError
 from busybot.evaluation.results import read_result
 from busybot.objects.resolve import find
@@ -49,3 +52,27 @@ def test_other_seeds_stand_beside_what_is_there(tmp_path: Path) -> None:
     assert told["seeds"]["mechanism-1"]["stopping"]["curious"]["boards"] == 1
     with pytest.raises(UsageError, match="a model event"):
         curiosity.main([*words, "--seeds", "event"])
+
+
+def test_on_a_drawn_board_what_is_held_is_known_and_worth_little_until_it_is_let_go() -> None:
+    library = find("procedural")
+    [spec] = generate_boards(BoardConfig(world="lock", boards=1, seed=4, group_size=1), library)
+    board = Drawn(spec, library)
+    player = curiosity.Player(board, curiosity._reasoner(REASONER), "curious", np.random.default_rng(0))
+    for _ in board.triggers:
+        player.act()
+    moved = {link for link, tries in enumerate(player._tries) if any(success for _, success, _ in tries)}
+    still = {one.trigger for one in player._held.places if not one.moved}
+    assert still == set(range(len(board.triggers))) - moved and still
+    for place in player._held.places:
+        assert set(place.actions) <= {step for step, success, _ in player._tries[place.trigger] if not success}
+    closed, known = sorted(still)[0], sorted(moved)[0]
+    moves = [board.moves(closed)[0], board.moves(known)[0], board.triggers]
+    told = player._worth([closed, known, None], moves)
+    assert told.shape == (3,) and (told >= 0).all()
+    place = player._place(closed)
+    assert place is not None and player._place(known) is None
+    place.waited, place.empty = 1.0, 1e-9
+    surely = player._worth([closed], moves[:1])
+    place.waited, place.empty = 1e-9, 1.0
+    assert surely[0] < player._worth([closed], moves[:1])[0], "who thinks that nothing holds it tries it"

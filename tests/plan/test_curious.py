@@ -228,7 +228,9 @@ def test_a_link_that_moves_without_a_reward_is_remembered(simulator: Simulator) 
     assert len(moved) - 1 <= len(memory.pairs) <= len(moved)
 
 
-def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(simulator: Simulator) -> None:
+def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(
+    simulator: Simulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of two triggers whose only candidate promised much and failed, on a board where others failed, too; a stand-in
     says what holds them. Another one that was not tried is worth what a link is that nothing holds."""
     [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
@@ -253,6 +255,8 @@ def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(
     assert released == pytest.approx(NEW / (1 - share) * (locked * 0.9 * 0.5 + (1 - locked) * 0.01))
     assert policy._chances[60, 20] == (0.01, 0.5) and policy._chances[90, 20] == (pytest.approx(0.9), 1.0)
     assert policy._held_at((99, 99)) == 0
+    monkeypatch.setattr("busybot.plan.curious.trigger_at", lambda observed, pixel: 2)
+    assert policy._held_at((60, 20)) == locked * 0.9
 
 
 def test_moving_a_known_link_is_worth_what_it_opens_too(simulator: Simulator) -> None:

@@ -38,7 +38,8 @@ class Failure:
         pixel: (u, v).
         pairs: the direction pairs that were tried, and the belief that each would have moved what is there.
         weight: how much it tells of other places, 0 to 1.
-        held: how probable it is that there is a link that something holds: it tells so much less of other places.
+        held: how probable it is that there is a link that something holds: it tells so much less of other places, and
+            of how what is there is pushed.
     """
 
     pixel: tuple[int, int]
@@ -183,7 +184,7 @@ class BoardMemory:
         for failure, near in zip(self.failures, nears, strict=True):
             for pair, pair_belief in failure.pairs.items():
                 beliefs = (1 - near) * beliefs + near * _posterior(beliefs, pair_belief)
-                pairs = self._without(pairs, pair, near)
+                pairs = self._without(pairs, pair, near * (1 - failure.held))
         for link, pair in self.pairs.items():
             pairs[links == link, pair] = np.maximum(pairs[links == link, pair], self._config.known_pair)
         return beliefs, pairs

@@ -101,7 +101,11 @@ class Candidates:
         return self.take(self.best_in_regions())
 
     def best_in_regions(self, values: np.ndarray | None = None) -> np.ndarray:
-        """Their indices, the highest score first, or what else is to be high, float (K,); int (regions,)."""
+        """Their indices, the highest score first, int (regions,).
+
+        Args:
+            values: float (K,), what decides in the place of scores.
+        """
         order = np.argsort(-(self.scores if values is None else values), kind="stable")
         _, first = np.unique(self.regions[order], return_index=True)
         return order[np.sort(first)]

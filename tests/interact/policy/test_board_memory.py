@@ -119,15 +119,17 @@ def test_a_sure_place_is_tried_again_and_an_unsure_one_is_left() -> None:
     assert beliefs[0] > 0.9 and beliefs[1] < 0.3
 
 
-def test_a_failure_tells_less_of_other_places_if_a_link_is_held_there() -> None:
-    pixels, told = ((50, 50), (79, 41)), []
+def test_a_failure_tells_less_of_other_places_and_ways_if_a_link_is_held_there() -> None:
+    pixels, told, ways = ((50, 50), (79, 41)), [], []
     for held in (0.0, 0.5, 1.0):
         memory = fresh()
         memory.failed(Failure((50, 50), {3: 0.9}))
         memory.explain([held])
-        told.append(logits_of(memory, *pixels)[0])
+        beliefs, pairs = logits_of(memory, *pixels)
+        told.append(beliefs)
+        ways.append(pairs[0, 3])
     (here, never), (still, perhaps), (too, surely) = told
-    assert here == still == too and never < perhaps < surely
+    assert here == still == too and never < perhaps < surely and ways == pytest.approx([0, 0.25, 0.5])
     assert surely == pytest.approx(1 / (1 + np.exp(-2))), "as if it had not been"
 
 

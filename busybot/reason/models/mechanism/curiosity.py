@@ -89,13 +89,6 @@ def expected(
     return Expected(np.array(told), np.array(shown).reshape(len(moves), *there.shape))
 
 
-def expected_information(
-    trace: Trace, found: Explanations, shares: np.ndarray, moves: Sequence[Sequence[int]], of: np.ndarray | None = None
-) -> np.ndarray:
-    """Of each move, in nats, float (M,); see `expected`."""
-    return expected(trace, found, shares, moves, of).information
-
-
 def released(responders: np.ndarray, tries: Sequence[Sequence[int]], shown: np.ndarray | None = None) -> np.ndarray:
     """How probable it is that something may move that could not whenever it was tried, if a responder's state held it:
     any responder in any of its states may be what it waits for, but those in which it was tried in vain.

@@ -322,7 +322,9 @@ class MechanismReasoner:
         responders = study_of(seen, self.encoder).perceived.trace.responders
         if actions is None or acted is None:
             return released(responders, tries)
-        return released(responders, tries, self._expected(seen, actions, acted)[0].shown)
+        told, vain = self._expected(seen, actions, acted)
+        goes = (NOWHERE**vain)[:, None]
+        return goes * released(responders, tries, told.shown) + (1 - goes) * released(responders, tries)
 
     def _expected(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> tuple[Expected, np.ndarray]:
         """Of S actions, and how often what each pushes on was tried in vain, int (S,)."""

@@ -5,7 +5,7 @@ import pytest
 
 from busybot.boards.mechanisms.gate import Gate
 from busybot.reason.models.mechanism.contexts import MEMORIES, UNRELIABLE, Explanations, Trace, explanations_of
-from busybot.reason.models.mechanism.curiosity import certainty, expected, expected_information, released, yields
+from busybot.reason.models.mechanism.curiosity import certainty, expected, released, yields
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.registry import reasoner_of
 from tests.reason.models.mechanism.test_laws import watched
@@ -31,7 +31,7 @@ def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
     """After an action both that read the first link, alone or with the second, agree: but for the second."""
     trace = follows_the_first(8)
     found = explanations_of(trace)
-    told = expected_information(trace, found, shares_of(found, (0,), (0, 1)), [(1, 0), (0, 1), (0, 0)])
+    told = expected(trace, found, shares_of(found, (0,), (0, 1)), [(1, 0), (0, 1), (0, 0)]).information
     assert told[1] > 5 * told[0] >= 0 and told[1] > 5 * told[2] >= 0
     sure = expected(trace, found, shares_of(found, (0,)), [(1, 0), (0, 1), (0, 0)])
     assert sure.information.max() < 0.05
@@ -46,7 +46,7 @@ def test_where_what_may_fail_goes_is_known_soon_and_its_failing_tells_little() -
     found = explanations_of(trace)
     of_luck = found.memory == UNRELIABLE
     shares = sum(of_luck & (found.inputs == row).all(1) for row in ([1, 0, 0], [1, 1, 0])) / 2
-    again, other = expected_information(trace, found, shares[None], [(1, 0), (1, 1)])
+    again, other = expected(trace, found, shares[None], [(1, 0), (1, 1)]).information
     assert 0 <= again < 0.05 and 3 * again < other
 
 
@@ -73,7 +73,7 @@ def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_n
     flipped = early.links[-1].copy()
     moved = int(np.flatnonzero(early.links[0] != early.links[1])[0])
     flipped[1 - moved] ^= 1
-    told = expected_information(early, known, reasoner.explain(early, [1])[1][..., 0], [flipped, early.links[-1]])
+    told = expected(early, known, reasoner.explain(early, [1])[1][..., 0], [flipped, early.links[-1]]).information
     assert told[0] > told[1]
 
 

@@ -422,6 +422,11 @@ def test_boards_that_lack_triggers_or_responders_are_answered(
     told = reasoner.predict(seen, current[None], watched.actions[:1], acted[:1])
     assert told.shape == (1, *current.shape) and np.isfinite(told).all()
     assert np.isfinite(reasoner.expected_information(seen, watched.actions[:3], acted[:3])).all()
+    tries = [[0]] if actions else []
+    now = reasoner.released(seen, tries)
+    then = reasoner.released(seen, tries, watched.actions[:3], acted[:3])
+    assert now.shape == (len(tries),) and then.shape == (3, len(tries))
+    assert ((now >= 0) & (now <= 1)).all() and ((then >= 0) & (then <= 1)).all()
     assert 0 <= reasoner.certainty(seen) <= 1
 
 
@@ -451,6 +456,8 @@ def test_a_link_may_go_on_to_where_it_was_never_seen_as_long_as_that_was_not_tri
     actions, acted = np.stack([on, on * BACK]), np.zeros(2, int)
     beyond, back = reasoner.expected_information(watched, actions, acted)
     assert beyond > 0.1 > back >= 0
+    before = [int(np.flatnonzero((trace.responders[:-1] != trace.responders[-1]).any(1))[0])]
+    [may], then = reasoner.released(watched, [before]), reasoner.released(watched, [before], actions, acted)
     often = [
         press == 0 and state == trace.links[-1, 0] for press, state in zip(PRESSES, trace.links[:, 0], strict=False)
     ]
@@ -458,6 +465,8 @@ def test_a_link_may_go_on_to_where_it_was_never_seen_as_long_as_that_was_not_tri
     tried[np.flatnonzero(often)[:2], 3:] = on[3:]  # which then went back, as recordings tell of what was done
     again = replace(watched, actions=tried)
     assert reasoner.expected_information(again, actions, acted) == pytest.approx([beyond * NOWHERE**2, back])
+    vain = reasoner.released(again, [before], actions, acted)
+    assert vain[0] == pytest.approx(may + NOWHERE**2 * (then[0] - may)) and vain[1] == then[1]
 
 
 @pytest.mark.parametrize("seed", range(20))

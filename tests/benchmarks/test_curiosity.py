@@ -56,7 +56,7 @@ def test_other_seeds_stand_beside_what_is_there(tmp_path: Path) -> None:
 
 def test_on_a_drawn_board_what_is_held_is_known_and_worth_little_until_it_is_let_go() -> None:
     library = find("procedural")
-    [spec] = generate_boards(BoardConfig(world="lock", boards=1, seed=4, group_size=1), library)
+    [spec] = generate_boards(BoardConfig(world="lock", boards=1, seed=5, group_size=1, depth=(3, 4)), library)
     board = Drawn(spec, library)
     player = curiosity.Player(board, curiosity._reasoner(REASONER), "curious", np.random.default_rng(0))
     for _ in board.triggers:

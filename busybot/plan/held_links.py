@@ -89,8 +89,8 @@ class HeldLinks:
             place.actions.append(action)
             place.promised = max(place.promised, promise)
         if moved is not None:
-            place.empty *= promise if moved else 1 - promise
-            place.waited *= released if moved else 1 - released
+            place.empty = max(LEAST, place.empty * (promise if moved else 1 - promise))
+            place.waited = max(LEAST, place.waited * (released if moved else 1 - released))
 
     def at(self, pixel: Sequence[int], trigger: int) -> Place | None:
         """The nearest place there of which no link was seen moving, None where nothing was tried in vain."""
@@ -138,6 +138,7 @@ class HeldLinks:
         told = np.where(SHARES > 0, (1 - NONE_HELD) / rest, NONE_HELD) * (1 - SHARES) ** self._free
         for place in self.places:
             told = told * (SHARES * place.waited + (1 - SHARES) * place.empty)
+            told = told / told.sum()
         return np.asarray(told / told.sum())
 
 

@@ -30,6 +30,10 @@ def test_how_many_links_are_held_is_inferred_from_what_promised_much_and_did_not
         let_go.tried(4 + action, (50 * action, 10), action, (0.01, 0.5), True)
     assert let_go.share > before
     assert 0 < after(*[(1.0, False)] * 60).share < 1, "nothing is quite sure"
+    long = after(*[(1.0, False)] * 60)
+    for action in range(3000):
+        long.tried(60 + action, (50 * (action % 60), 10), action % 60, (1.0, 1.0), False)
+    assert 0 < long.share < 1, "however long it takes"
 
 
 def test_what_promised_much_is_held_rather_than_empty() -> None:

@@ -56,6 +56,15 @@ def simulator() -> Simulator:
     return Simulator(find("procedural"), RenderConfig(width=320, height=240))
 
 
+def policy_after(actions: int, simulator: Simulator) -> CuriousPolicy:
+    """As it is when it has acted so often on a board."""
+    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
+    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
+    record_episode(simulator, board, factory, actions, InteractionConfig(), 0)
+    policy: CuriousPolicy = vars(factory)["policy"]
+    return policy
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("camera", [CameraConfig(), CameraConfig.model_validate(REAL)], ids=["clean", "real"])
 def test_it_sees_while_it_acts_what_is_recorded_and_asks_what_tells_most(camera: CameraConfig) -> None:
@@ -130,10 +139,7 @@ def test_of_what_it_may_do_it_does_what_is_worth_most(simulator: Simulator) -> N
 
 def test_a_way_is_worth_what_it_leads_to_if_it_works_and_else_what_the_other_does(simulator: Simulator) -> None:
     """Of two candidates on known links; the second goes one way only, so that nobody is asked about the other."""
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory, asked = Kept(LearnedPolicyFactory("procedural", "collect")), list[np.ndarray]()
-    record_episode(simulator, board, factory, 3, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    policy, asked = policy_after(3, simulator), list[np.ndarray]()
 
     class Asked:
         def expected_information(self, seen: object, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
@@ -187,10 +193,7 @@ def test_the_reasoner_is_told_when_a_known_link_moved_and_when_it_did_not(simula
 
 
 def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(simulator: Simulator) -> None:
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    policy = policy_after(1, simulator)
     watched, memory = policy._watched, policy._inner.memory
     assert watched is not None and memory is not None
     boxes = watched.observed.boxes.copy()
@@ -206,12 +209,8 @@ def test_it_looks_further_on_triggers_without_a_known_link_and_beside_failures(s
 
 
 def test_it_looks_for_patches_once_an_action_has_shown_that_the_camera_is_still(simulator: Simulator) -> None:
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
-    assert vars(factory)["policy"]._inner.triggers is None
-    record_episode(simulator, board, factory, 2, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    assert policy_after(1, simulator)._inner.triggers is None
+    policy = policy_after(2, simulator)
     assert policy._watched is not None and policy._inner.triggers is not None
     observed = policy._watched.observed
     assert np.array_equal(policy._inner.triggers, observed.boxes[observed.triggers])
@@ -233,10 +232,7 @@ def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(
 ) -> None:
     """Of two triggers whose only candidate promised much and failed, on a board where others failed, too; a stand-in
     says what holds them. Another one that was not tried is worth what a link is that nothing holds."""
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    policy = policy_after(1, simulator)
 
     class Told:
         def released(self, seen: object, tries: Sequence[Sequence[int]], *of: np.ndarray) -> np.ndarray:
@@ -262,10 +258,7 @@ def test_what_may_be_held_is_tried_again_when_something_lets_go_and_else_is_not(
 def test_moving_a_known_link_is_worth_what_it_opens_too(simulator: Simulator) -> None:
     """Of two moves that tell little the first one lets three held links go, which take an action each; the third one
     tells more than that."""
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    policy = policy_after(1, simulator)
 
     class Told:
         def released(self, seen: object, tries: Sequence[Sequence[int]], *of: np.ndarray) -> np.ndarray:
@@ -337,10 +330,7 @@ def test_what_only_chance_would_read_is_refused() -> None:
 
 def test_what_changes_late_is_no_link_that_moved(simulator: Simulator, monkeypatch: pytest.MonkeyPatch) -> None:
     """A rewarded action that held nothing: something else had changed meanwhile."""
-    [board] = generate_boards(BoardConfig(boards=1, seed=4), simulator.library)
-    factory = Kept(LearnedPolicyFactory("procedural", "collect"))
-    record_episode(simulator, board, factory, 1, InteractionConfig(), 0)
-    policy: CuriousPolicy = vars(factory)["policy"]
+    policy = policy_after(1, simulator)
     assert policy._watched is not None and policy._seen is not None
     before = policy._watched._latest
     u0, v0, u1, v1 = policy._watched.observed.boxes[policy._watched.observed.triggers][0].tolist()

@@ -205,12 +205,9 @@ class BoardMemory:
         return np.asarray(counts[self._components[pixels[:, 1], pixels[:, 0]]])
 
     def tried_here(self, pixels: np.ndarray) -> np.ndarray:
-        """At which of the pixels (K, 2) an action has failed, bool (K,)."""
-        return np.asarray(self.failed_at(pixels).any(axis=0))
-
-    def failed_at(self, pixels: np.ndarray) -> np.ndarray:
-        """Which of F failures are as near to which of the pixels (K, 2) as no two candidates are, bool (F, K)."""
-        return np.asarray(np.abs(self.failed_pixels[:, None] - pixels).max(axis=2) <= self._config.peak_radius)
+        """At which of the pixels (K, 2) an action has failed, as near as no two candidates are, bool (K,)."""
+        apart = np.abs(self.failed_pixels[:, None] - pixels).max(axis=2)
+        return np.asarray((apart <= self._config.peak_radius).any(axis=0))
 
     def _near(self, failure: Failure, pixels: np.ndarray) -> np.ndarray:
         """How much a failure says about what is at the pixels (K, 2) itself, (K,) from 0 to 1."""

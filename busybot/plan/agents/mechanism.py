@@ -6,8 +6,8 @@
    have to be moved for one responder, some in a certain order, or back again, and an action may be waiting.
 3. Where no known effect leads on, the shortest way to a situation that was never met is taken, in the hope that it
    does.
-4. A link that does not give is held while the responders look so; if it moved whenever some responder looked otherwise,
-   that one holds it.
+4. A link that failed to give may wait for any responder in any state; by what the responders showed when it gave and
+   when it did not, it is told which, as curiosity tells it (`curiosity.yields`).
 5. Whether an action moved its link is not always seen: the picture may change by what an earlier action does late, and
    hardly by a small link. What responders show then and later tells which is more probable.
 
@@ -26,6 +26,7 @@ from busybot.common.errors import BusybotError
 from busybot.plan.agents.paper import NO_CANDIDATE, REACHED, promising
 from busybot.plan.interfaces import NOBODY, Act, Contact, DecisionState, PastAction, Stop, TaskContext
 from busybot.reason.models.base import Reasoner
+from busybot.reason.models.mechanism.curiosity import LOCKED, yields
 from busybot.reason.models.mechanism.laws import Links, Moment
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 
@@ -38,35 +39,40 @@ UNKNOWN = -1
 """State of a responder whose look in the goal was never seen."""
 NEAR = 0.02
 """What was taken hold of lies so near to where it was, board units."""
-GIVEN_UP = 2
-"""A link that failed so often to move while the board looked the same is held."""
 
 
 @dataclass
 class Locks:
-    """Which responders' states held links, by what moved and what did not.
+    """Which links are held while the responders look so, by how each gave and failed before.
 
     Attributes:
-        moved, failed: by link, the responders' states then.
+        tries: by link, the responders' states at each try and whether it moved then.
     """
 
-    moved: dict[int, list[tuple[int, ...]]] = field(default_factory=dict)
-    failed: dict[int, list[tuple[int, ...]]] = field(default_factory=dict)
+    tries: dict[int, list[tuple[tuple[int, ...], bool]]] = field(default_factory=dict)
+    _told: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict)
 
     def add(self, link: int, shown: tuple[int, ...], moved: bool) -> None:
-        (self.moved if moved else self.failed).setdefault(link, []).append(shown)
+        self.tries.setdefault(link, []).append((shown, moved))
+        self._told.clear()
 
     def held(self, link: int, shown: tuple[int, ...]) -> bool:
-        """Whether the link would not give: it failed often in this situation, and more often than it moved; or some
-        responder tells all failures from all successes, and shows what it showed at failures."""
-        moved, failed = self.moved.get(link, []), self.failed.get(link, [])
-        if failed.count(shown) >= GIVEN_UP and failed.count(shown) > moved.count(shown):
-            return True
-        if len(failed) < GIVEN_UP or not moved:
-            return False
-        kinds = [({one[k] for one in moved}, {one[k] for one in failed}) for k in range(len(shown))]
-        telling = [(k, bad) for k, (good, bad) in enumerate(kinds) if not good & bad]
-        return bool(telling) and all(shown[k] in bad for k, bad in telling)
+        """Whether the link would rather not give if the responders showed this; False of one that always did."""
+        if (link, shown) not in self._told:
+            tries = self.tries.get(link, [])
+            self._told[link, shown] = self._failed(link) and self._yields(tries, shown) < 0.5
+        return self._told[link, shown]
+
+    def _failed(self, link: int) -> bool:
+        return any(not moved for _, moved in self.tries.get(link, []))
+
+    def _yields(self, tries: list[tuple[tuple[int, ...], bool]], shown: tuple[int, ...]) -> float:
+        """How probable it is that a link gives; of the links of this board the more are held the more ever failed."""
+        known = any(moved for _, moved in tries)  # how to push it
+        failed, links = sum(map(self._failed, self.tries)), len(self.tries)
+        share = (1 + failed) / (1 / LOCKED + links)
+        states = np.array([*(then for then, _ in tries), shown])
+        return yields(states, [(one, moved, known) for one, (_, moved) in enumerate(tries)], share)
 
 
 class MechanismAgent:

@@ -170,6 +170,19 @@ def test_links_are_held_as_experience_says() -> None:
     for _ in range(2):
         locks.add(1, (0, 0), moved=False)
     assert locks.held(1, (0, 0)) and not locks.held(1, (0, 1))
+    for shown, moved in (((0, 1), True), ((0, 1), True), ((0, 0), False)):
+        locks.add(2, shown, moved)
+    assert locks.held(2, (0, 0)), "one failure of a link that gave with the second responder lit is enough"
+    locks.add(2, (0, 0), moved=True)
+    assert not locks.held(2, (0, 0)), "it gave after all: the failure was seen wrongly"
+
+
+def test_a_link_that_never_failed_is_not_held() -> None:
+    locks = Locks()
+    for link in range(4):
+        locks.add(link, (0, 0), moved=False)
+    locks.add(4, (0, 0), moved=True)
+    assert not locks.held(4, (1, 1)) and not locks.held(5, (0, 0))
 
 
 def test_it_wants_a_reasoner_that_tells_mechanisms() -> None:

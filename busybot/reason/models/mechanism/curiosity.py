@@ -111,7 +111,7 @@ def released(responders: np.ndarray, tries: Sequence[Sequence[int]], shown: np.n
     return np.stack(told, axis=-1) if told else np.zeros((*now.shape[:-2], 0))
 
 
-def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> float:
+def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], locked: float = LOCKED) -> float:
     """How probable it is that a link that was seen moving would move now if it were pushed, as a share of how probable
     that is of one that nothing holds: any responder in any of its states may be what it waits for, or none.
 
@@ -119,6 +119,7 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> f
         responders: int (T + 1, R), states after each action.
         tries: the actions that took hold of the link, from 0, whether each moved it, and whether it is known that it
             moves if pushed like that.
+        locked: how probable it is that the link waits for a responder, before it was tried.
     """
     actions, moved, known = (list(one) for one in zip(*tries, strict=True)) if tries else ([], [], [])
     gives = np.where(known, GIVES, MAY_GIVE)
@@ -126,8 +127,8 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]]) -> f
     met = responders[np.array(actions, int)][..., None] == np.arange(STATES)  # (tries, R, states)
     works = np.where(met, gives[:, None, None], 1 - GIVES)
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
-    waits = LOCKED * there * told / max(1, there.sum())
-    alone = (1 - LOCKED) * np.where(moved, gives, 1 - gives).prod()
+    waits = locked * there * told / max(1, there.sum())
+    alone = (1 - locked) * np.where(moved, gives, 1 - gives).prod()
     now = waits[np.arange(len(there)), responders[-1]].sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))

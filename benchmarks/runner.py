@@ -19,8 +19,9 @@ from typing import Any
 
 import psutil
 
+from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError, UsageError, naming_extras
-from busybot.evaluation.results import KINDS, read_result, stamp, write_result
+from busybot.evaluation.results import KINDS, commit, read_result, stamp, write_result
 
 BUSYBOT = (sys.executable, "-m", "busybot")
 PRODUCT_SIDE = 1024
@@ -266,6 +267,12 @@ def chosen(names: str, known: Iterable[str]) -> list[str]:
     if unknown := [name for name in listed if name not in there]:
         raise SystemExit(f"there is no {', '.join(unknown)}; choose among {', '.join(there)}")
     return listed
+
+
+def earlier(file: Path) -> dict[str, Any] | None:
+    """What an evaluation wrote before; None if nothing, or if another commit made it: results name one."""
+    known = read_json(file) if file.exists() else None
+    return dict(known) if known is not None and known.get("commit") == commit() else None
 
 
 def assets_name(assets: str) -> str:

@@ -24,7 +24,6 @@ from typing import Any
 
 from benchmarks import runner
 from benchmarks.tables.world_gates import digest_of, frozen
-from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
 from busybot.datasets.dataset import Dataset
 from busybot.interact.metrics import JudgedBoard
@@ -87,7 +86,7 @@ def related(folder: Path, assets: str, work: Path, models: Mapping[str, dict[str
     rows = {}
     for reasoner in REASONERS:
         out = work / f"reasoned-{reasoner}-{digest_of(models.get(reasoner, {}))}.json"
-        done = read_json(out) if out.exists() else runner.busybot(
+        done = runner.earlier(out) or runner.busybot(
             "eval", "reason", str(folder), "--reasoner", reasoner, "--assets", assets, "--out", str(out)
         )  # fmt: skip
         rows[reasoner] = {key: done[key] for key in ("edge_p", "edge_r", "boards")}

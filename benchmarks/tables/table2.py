@@ -202,14 +202,14 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
 
 
 def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
-    """A judgement, or the one that an earlier run wrote by the same command: `result`, and its counts `by_board`."""
-    if out.exists():
-        known = json.loads(out.read_text())
-        if known["typed"] == list(command) and "by_board" in known:  # older ones have none
-            return dict(known)
+    """A judgement, or the one that an earlier run of this commit wrote by the same command: `result`, and its counts
+    `by_board`."""
+    known = runner.earlier(out)
+    if known is not None and known["typed"] == list(command):
+        return known
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
-    answer = {"typed": command, "result": result, "by_board": told["by_board"]}
+    answer = {"typed": command, "commit": told["commit"], "result": result, "by_board": told["by_board"]}
     write_json(out, answer)
     return answer
 

@@ -15,7 +15,7 @@ folder of their own. Of as many policies as models each acts for the model in it
 that is learned. With `--curious` the model that ships chooses among the candidates on triggers, as `collect --policy
 curious` does. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
 
-Every command resumes, so this one does; what a model was judged on already is not judged again.
+Every command resumes, so this one does; what a model was judged on already is not judged again by the same commit.
 """
 
 import argparse
@@ -25,7 +25,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import assets_name, busybot, chosen, finish, generating, one_of, parser, told_rows
+from benchmarks.runner import assets_name, busybot, chosen, earlier, finish, generating, one_of, parser, told_rows
 from busybot.boards.spec import PAPER
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
@@ -109,8 +109,9 @@ def digest_of(hashes: dict[str, str]) -> str:
 
 
 def judge(dataset: Path, outs: dict[str, Path], options: argparse.Namespace) -> None:
-    """Evaluate these models together, each into its file; those whose file is there are not judged again."""
-    missing = {model: out for model, out in outs.items() if not out.exists()}
+    """Evaluate these models together, each into its file; those whose file is there, of the same code, are not judged
+    again."""
+    missing = {model: out for model, out in outs.items() if earlier(out) is None}
     asked = [word for model, out in missing.items() for word in ("--reasoner", model, "--out", str(out))]
     if missing:
         busybot(

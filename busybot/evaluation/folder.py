@@ -2,14 +2,15 @@
 
 A skill says what a worker process does with a board (`BoardWork`) and how judged boards become a result. The folder:
 
-settings.json       what is measured: another measurement is refused in the same folder
+settings.json       what is measured, and by which code: another measurement is refused in the same folder
 boards.jsonl        what was judged, one board per line, in the order in which they were finished
 result.json         all metrics, when every board is judged
 
-The result of a board depends on the board and the settings alone, so it is the same whatever the number of workers and
-interruptions.
+The result of a board depends on the board, the settings and the code alone, so it is the same whatever the number of
+workers and interruptions.
 """
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -36,6 +37,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
+CODE = Path(__file__).parents[1]
 
 J = TypeVar("J", bound=BaseModel)
 """A judged board; it has the board's number in its dataset as `board`."""
@@ -122,22 +124,33 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     """Start or continue a folder; returns what is judged already, by board.
 
     Raises:
-        BusybotError: the folder holds something else, or a measurement with other settings.
+        BusybotError: the folder holds something else, or a measurement with other settings or by other code.
     """
-    file = out / SETTINGS
+    settings, file = plain(settings) | {"code": code_digest()}, out / SETTINGS
     if not file.exists():
         if out.exists() and (not out.is_dir() or names_in(out)):
             raise BusybotError(f"{out}: it exists and holds no evaluation", "name another folder")
-        write_json(file, plain(settings))
+        write_json(file, settings)
     known = read_json(file)
     if not isinstance(known, dict):
         raise BusybotError(f"{file}: not an object", "name another folder")
-    differing = [key for key, value in plain(settings).items() if known.get(key) != value]
+    differing = [key for key, value in settings.items() if known.get(key) != value]
+    if differing == ["code"]:
+        what = f"{out}: its boards were judged by another version of busybot"
+        raise BusybotError(what, "name another folder, or remove this one")
     if differing:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
     remove_leftovers(out)
     return dict(judged_lines(out / BOARDS, kind))
+
+
+def code_digest(folder: Path = CODE) -> str:
+    """SHA-256 of all Python files of a package, with their names: a result names one version as its maker."""
+    digest = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        digest.update(f"{file.relative_to(folder).as_posix()}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:

@@ -15,11 +15,11 @@ from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
-from busybot.evaluation.results import read_result, stamp, write_result
+from busybot.evaluation.results import commit, read_result, stamp, write_result
 
 
 def scores(**values: float | None) -> dict[str, Any]:
-    told: dict[str, Any] = dict.fromkeys((*SCORES, *DETAILS), None)
+    told: dict[str, Any] = {"commit": commit(), **dict.fromkeys((*SCORES, *DETAILS), None)}
     told["bounds"] = {"not_knowing": {"pred_a": 0.96, "pred_a_successful": 0.99}}
     return {**told, "by_board": {"pred_a": {"part": [2, 3], "whole": [4, 4]}}, **values}
 
@@ -28,6 +28,16 @@ def test_mean_and_extremes_over_seeds() -> None:
     told = across([scores(pred_a=0.9, edge_r=1.0), scores(pred_a=0.8, edge_r=None)])
     assert (told["mean"]["pred_a"], told["least"]["pred_a"], told["most"]["pred_a"]) == (pytest.approx(0.85), 0.8, 0.9)
     assert told["mean"]["edge_r"] is told["least"]["edge_r"] is None
+
+
+def test_what_another_commit_judged_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "judged.json"
+    assert runner.earlier(file) is None
+    file.write_text(json.dumps({"commit": "a" * 40, "success": 1.0}))
+    assert runner.earlier(file) is None
+    monkeypatch.setattr(runner, "commit", lambda: "a" * 40)
+    told = runner.earlier(file)
+    assert told is not None and told["success"] == 1.0
 
 
 def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

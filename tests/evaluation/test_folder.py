@@ -8,7 +8,8 @@ from pydantic import BaseModel
 
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
-from busybot.evaluation.folder import BOARDS, RESULT, BoardWork, conclude, judge_boards
+from busybot.evaluation import folder
+from busybot.evaluation.folder import BOARDS, RESULT, SETTINGS, BoardWork, code_digest, conclude, judge_boards
 
 BROKEN = 3
 
@@ -54,6 +55,22 @@ def test_one_that_was_killed_at_its_first_file_goes_on(tmp_path: Path) -> None:
     for boards in ((0, 1, 2), (4,)):
         judge_boards(boards, BoardWork(Counted, make, (1,), 1), {}, lambda *two: told.append(two), tmp_path)
     assert not left.exists() and told[-1] == (1, 1) and sorted(told[:-1]) == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_boards_that_other_code_judged_are_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    work = BoardWork(Counted, make, (1,), 1)
+    judge_boards((0,), work, {}, out=tmp_path / "out")
+    (tmp_path / "code").mkdir()
+    for text in ("one = 1", "one = 2"):
+        (tmp_path / "code" / "one.py").write_text(text)
+        digest = code_digest(tmp_path / "code")
+        with monkeypatch.context() as patch:
+            patch.setattr(folder, "code_digest", lambda digest=digest: digest)
+            with pytest.raises(BusybotError, match="another version of busybot"):
+                judge_boards((0, 1), work, {}, out=tmp_path / "out")
+            judge_boards((0, 1), work, {}, out=tmp_path / text)
+            judge_boards((0, 1), work, {}, out=tmp_path / text)
+    assert len({read_json(tmp_path / name / SETTINGS)["code"] for name in ("out", "one = 1", "one = 2")}) == 3
 
 
 def test_a_result_is_what_its_file_says(tmp_path: Path) -> None:

@@ -37,7 +37,6 @@ KNOWN = {
     },
     SEVERAL: {"hostile", "table1"},
     NO_MACHINE: {"same-results/before"},
-    NO_HASHES: {"mechanism-ablations"},
 }
 """Results that were there before that was asked of them."""
 ABOUT_NOTHING = (

@@ -21,7 +21,8 @@ import psutil
 
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError, UsageError, naming_extras
-from busybot.evaluation.results import KINDS, commit, read_result, stamp, write_result
+from busybot.evaluation.folder import OTHER_CODE
+from busybot.evaluation.results import KINDS, code_digest, read_result, stamp, write_result
 
 BUSYBOT = (sys.executable, "-m", "busybot")
 PRODUCT_SIDE = 1024
@@ -270,9 +271,15 @@ def chosen(names: str, known: Iterable[str]) -> list[str]:
 
 
 def earlier(file: Path) -> dict[str, Any] | None:
-    """What an evaluation wrote before; None if nothing, or if another commit made it: results name one."""
+    """What an evaluation wrote before, or None.
+
+    Raises:
+        BusybotError: another version of busybot wrote it; a table has figures of one.
+    """
     known = read_json(file) if file.exists() else None
-    return dict(known) if known is not None and known.get("commit") == commit() else None
+    if known is not None and known.get("versions", {}).get("code") != code_digest():
+        raise BusybotError(f"{file}: {OTHER_CODE}", "name another --work folder")
+    return known
 
 
 def assets_name(assets: str) -> str:

@@ -20,9 +20,8 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from busybot.common.atomic_io import write_json
+from busybot.evaluation.results import code_digest
 
-ROOT = Path(__file__).resolve().parents[1]
-CODE = ROOT / "busybot"
 STATE = ".stages"
 NOTE_EVERY_S = 20.0
 
@@ -108,7 +107,7 @@ def main() -> int:
     parser.add_argument("out", nargs="+", type=Path)
     parser.add_argument("--input", nargs="*", type=Path, default=[])
     arguments = parser.parse_args(own)
-    parts = [digest(path) for path in (CODE, *arguments.input)]
+    parts = [code_digest(), *map(digest, arguments.input)]
     key = hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest()
     return run(commands, begin(arguments.out, key, commands), note_of(arguments.out[0]))
 

@@ -7,8 +7,8 @@
 A library is made whose novel switches are `--drawn` ones of families that its seed draws; the generator was written
 after the models that are judged, and looked at with other seeds. The shipped interaction policy acts ten times on each
 board, free and strict, beside random actions and the oracle; and on boards of the novel switches of the default
-library, which policies were chosen by. Relations are found in recordings of the scripted policy on the new ones. Both
-sets of boards are frozen (`datasets/worlds/paper.json`), so every judging is in the log.
+library, whose failures were looked at while policies were made. Relations are found in recordings of the scripted
+policy on the new ones. Both sets of boards are frozen (`datasets/worlds/paper.json`), so every judging is in the log.
 
 Other interaction models (`--models`), free, are judged on the new switches alone, and nobody else is again.
 

@@ -19,7 +19,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
 from busybot.common.rng import generator
 from busybot.evaluation.folder import RESULT
-from busybot.evaluation.results import commit, read_result
+from busybot.evaluation.results import commit
 from busybot.evaluation.statistics import compare_boards
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
 from busybot.sim.scene.real_camera import REAL
@@ -132,8 +132,8 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, result: dict
     """A row against another one on the same boards (`compare_boards`); None if that was not judged here."""
     against = ROWS[name].against
     known = _judged(arguments, against, split) / RESULT
-    told = read_result(known, "interact").get("by_board") if against != name and known.exists() else None
-    if told is None:  # nor do older ones tell it
+    told = (runner.earlier(known) or {}).get("by_board") if against != name else None
+    if told is None:
         return None
     rng = generator(arguments.judge_seed, split, 0, f"table1/{name}")
     return {"against": against, **compare_boards(told, result["by_board"], rng)}

@@ -27,7 +27,6 @@ first training of a row is compared with that of another one, board by board, if
 """
 
 import argparse
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -194,7 +193,7 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
     of which recordings begin with the same; None if that was not judged here."""
     against = ROWS[name].against
     known = _judged(arguments, against, 0, split)
-    told = json.loads(known.read_text()).get("by_board") if against != name and known.exists() else None
+    told = (runner.earlier(known) or {}).get("by_board") if against != name else None
     if told is None:
         return None
     rng = generator(JUDGED[split].seed, split, 0, f"table2/{name}")
@@ -202,14 +201,13 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
 
 
 def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
-    """A judgement, or the one that an earlier run of this commit wrote by the same command: `result`, and its counts
-    `by_board`."""
+    """A judgement, or the one that an earlier run wrote by the same command: `result`, and its counts `by_board`."""
     known = runner.earlier(out)
     if known is not None and known["typed"] == list(command):
         return known
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
-    answer = {"typed": command, "commit": told["commit"], "result": result, "by_board": told["by_board"]}
+    answer = {"typed": command, "versions": told["versions"], "result": result, "by_board": told["by_board"]}
     write_json(out, answer)
     return answer
 

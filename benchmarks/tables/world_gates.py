@@ -15,7 +15,7 @@ folder of their own. Of as many policies as models each acts for the model in it
 that is learned. With `--curious` the model that ships chooses among the candidates on triggers, as `collect --policy
 curious` does. Without questions "what if" nothing is told of mechanisms, and judging takes a third of the time.
 
-Every command resumes, so this one does; what a model was judged on already is not judged again by the same commit.
+Every command resumes, so this one does; what a model was judged on already is not judged again.
 """
 
 import argparse
@@ -109,8 +109,7 @@ def digest_of(hashes: dict[str, str]) -> str:
 
 
 def judge(dataset: Path, outs: dict[str, Path], options: argparse.Namespace) -> None:
-    """Evaluate these models together, each into its file; those whose file is there, of the same code, are not judged
-    again."""
+    """Evaluate these models together, each into its file; those whose file is there are not judged again."""
     missing = {model: out for model, out in outs.items() if earlier(out) is None}
     asked = [word for model, out in missing.items() for word in ("--reasoner", model, "--out", str(out))]
     if missing:

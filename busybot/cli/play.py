@@ -18,7 +18,9 @@ def play(
     actions: Annotated[int, typer.Option(min=0, max=1000, help="On each board, at most.")] = 22,
     timeout: Annotated[int, typer.Option(min=1, max=3600, help="Seconds for each answer.")] = 60,
     boards: Annotated[int | None, typer.Option(min=1, help="Only so many, the first ones; by default all.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the results; continues an evaluation stopped under this version.")
+    ] = None,
     assets: AssetsOption = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,

@@ -10,7 +10,6 @@ The result of a board depends on the board, the settings and the code alone, so 
 workers and interruptions.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -35,9 +34,10 @@ from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.process_pool import RECYCLE, TASK_SECONDS, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
+from busybot.evaluation.results import code_digest
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
-CODE = Path(__file__).parents[1]
+OTHER_CODE = "what is there was judged by another version of busybot"
 
 J = TypeVar("J", bound=BaseModel)
 """A judged board; it has the board's number in its dataset as `board`."""
@@ -135,22 +135,13 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     if not isinstance(known, dict):
         raise BusybotError(f"{file}: not an object", "name another folder")
     differing = [key for key, value in settings.items() if known.get(key) != value]
-    if differing == ["code"]:
-        what = f"{out}: its boards were judged by another version of busybot"
-        raise BusybotError(what, "name another folder, or remove this one")
+    if "code" in differing:
+        raise BusybotError(f"{out}: {OTHER_CODE}", "name another folder, or remove this one")
     if differing:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"
         raise BusybotError(what, "name another folder, or repeat the command with which it was begun")
     remove_leftovers(out)
     return dict(judged_lines(out / BOARDS, kind))
-
-
-def code_digest(folder: Path = CODE) -> str:
-    """SHA-256 of all Python files of a package, with their names: a result names one version as its maker."""
-    digest = hashlib.sha256()
-    for file in sorted(folder.rglob("*.py")):
-        digest.update(f"{file.relative_to(folder).as_posix()}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
 
 
 def plain(values: dict[str, Any]) -> dict[str, Any]:

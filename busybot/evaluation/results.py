@@ -9,17 +9,19 @@ Before the figures of its kind every file has these keys; what is not known or d
 | `command` | the command that makes the file |
 | `seed` | of what was drawn |
 | `machine` | cores, system, processor |
-| `versions` | of busybot, Python and the packages that the figures depend on |
+| `versions` | of busybot, Python and the packages that the figures depend on; `code`, a digest of busybot's files |
 | `hashes` | of `models`, `tasks`, `histories` and `data`: for each its hashes by name |
 
 The rows of a table and what belongs to one of several evaluations have hashes, seeds and versions of their own.
 """
 
+import hashlib
 import json
 import os
 import platform
 import subprocess
 from collections.abc import Mapping
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -116,7 +118,7 @@ def stamp(
     """The keys of every result file, to be written before the figures.
 
     Args:
-        versions: those of `package_versions()` if None.
+        versions: those of `package_versions()` if None; `code` joins them.
         hashes: by a name of `HASHED`, then by the name of what is hashed: a digest, or several by name.
     """
     assert kind in KINDS, f"{kind}: add it to KINDS"
@@ -127,7 +129,7 @@ def stamp(
         "command": command,
         "seed": seed,
         "machine": machine(),
-        "versions": dict(package_versions() if versions is None else versions),
+        "versions": dict(package_versions() if versions is None else versions) | {"code": code_digest()},
         "hashes": {name: dict((hashes or {}).get(name, {})) for name in HASHED},
     }
 
@@ -169,6 +171,19 @@ def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+@cache
+def code_digest(package: Path = SOURCE) -> str:
+    """What tells this version of busybot from others, committed or not: SHA-256 of all its files and their names.
+
+    Of a process it is that of its first call, so call it before a long work begins.
+    """
+    digest = hashlib.sha256()
+    for file in sorted(path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts):
+        name, content = file.relative_to(package).as_posix(), hashlib.sha256(file.read_bytes()).digest()
+        digest.update(f"{name}\0".encode() + content)
+    return digest.hexdigest()
 
 
 def commit(source: Path = SOURCE) -> str | None:

@@ -15,11 +15,11 @@ from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
-from busybot.evaluation.results import commit, read_result, stamp, write_result
+from busybot.evaluation.results import code_digest, read_result, stamp, write_result
 
 
 def scores(**values: float | None) -> dict[str, Any]:
-    told: dict[str, Any] = {"commit": commit(), **dict.fromkeys((*SCORES, *DETAILS), None)}
+    told: dict[str, Any] = dict.fromkeys((*SCORES, *DETAILS), None) | {"versions": {"code": code_digest()}}
     told["bounds"] = {"not_knowing": {"pred_a": 0.96, "pred_a_successful": 0.99}}
     return {**told, "by_board": {"pred_a": {"part": [2, 3], "whole": [4, 4]}}, **values}
 
@@ -30,14 +30,15 @@ def test_mean_and_extremes_over_seeds() -> None:
     assert told["mean"]["edge_r"] is told["least"]["edge_r"] is None
 
 
-def test_what_another_commit_judged_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("versions", [{"code": "a" * 64}, {"busybot": "0.1.0"}])
+def test_what_another_version_judged_is_refused(tmp_path: Path, versions: dict[str, str]) -> None:
     file = tmp_path / "judged.json"
     assert runner.earlier(file) is None
-    file.write_text(json.dumps({"commit": "a" * 40, "success": 1.0}))
-    assert runner.earlier(file) is None
-    monkeypatch.setattr(runner, "commit", lambda: "a" * 40)
-    told = runner.earlier(file)
-    assert told is not None and told["success"] == 1.0
+    file.write_text(json.dumps({"versions": versions, "success": 1.0}))
+    with pytest.raises(BusybotError, match=r"judged\.json: what is there was judged by another version"):
+        runner.earlier(file)
+    file.write_text(json.dumps(stamp("reason") | {"success": 1.0}))
+    assert (runner.earlier(file) or {})["success"] == 1.0
 
 
 def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,7 +237,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
             raise BusybotError("round 0: no recorded action succeeded, so there is nothing to learn")
         if arguments[0] == "train":
             return {"training": {"seed": 1}}
-        keys = dict.fromkeys((*table1.KEYS, "commit", "dataset", "versions"), 0.5)
+        keys = dict.fromkeys((*table1.KEYS, "commit", "dataset"), 0.5) | {"versions": {"code": code_digest()}}
         policy = {"explore": 0.25, "after_failure": [[0.0]]}
         counts = {"recall": {"part": [0 if "greedy" in arguments else 2] * 5, "whole": [2] * 5}}
         told = keys | {"provenance": {"policy": policy, "model": {"sha256": {"a": "b"}}}, "by_board": counts}

@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.evaluation import folder
-from busybot.evaluation.folder import BOARDS, RESULT, SETTINGS, BoardWork, code_digest, conclude, judge_boards
+from busybot.evaluation.folder import BOARDS, RESULT, SETTINGS, BoardWork, conclude, judge_boards
 
 BROKEN = 3
 
@@ -58,19 +58,18 @@ def test_one_that_was_killed_at_its_first_file_goes_on(tmp_path: Path) -> None:
 
 
 def test_boards_that_other_code_judged_are_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    work = BoardWork(Counted, make, (1,), 1)
-    judge_boards((0,), work, {}, out=tmp_path / "out")
-    (tmp_path / "code").mkdir()
-    for text in ("one = 1", "one = 2"):
-        (tmp_path / "code" / "one.py").write_text(text)
-        digest = code_digest(tmp_path / "code")
-        with monkeypatch.context() as patch:
-            patch.setattr(folder, "code_digest", lambda digest=digest: digest)
-            with pytest.raises(BusybotError, match="another version of busybot"):
-                judge_boards((0, 1), work, {}, out=tmp_path / "out")
-            judge_boards((0, 1), work, {}, out=tmp_path / text)
-            judge_boards((0, 1), work, {}, out=tmp_path / text)
-    assert len({read_json(tmp_path / name / SETTINGS)["code"] for name in ("out", "one = 1", "one = 2")}) == 3
+    """Whether other settings differ, too, or the folder is of a version that did not tell."""
+    work, before = BoardWork(Counted, make, (1,), 1), tmp_path / "before"
+    for out in (tmp_path / "out", before):
+        judge_boards((0,), work, {"busybot": "1"}, out=out)
+    (before / SETTINGS).write_text('{"busybot": "1"}')
+    with pytest.raises(BusybotError, match="another version of busybot"):
+        judge_boards((0, 1), work, {"busybot": "1"}, out=before)
+    monkeypatch.setattr(folder, "code_digest", lambda: "other")
+    for busybot in ("1", "2"):
+        with pytest.raises(BusybotError, match="another version of busybot"):
+            judge_boards((0, 1), work, {"busybot": busybot}, out=tmp_path / "out")
+    assert len(judge_boards((0, 1), work, {"busybot": "2"}, out=tmp_path / "new")) == 2
 
 
 def test_a_result_is_what_its_file_says(tmp_path: Path) -> None:

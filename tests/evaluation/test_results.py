@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from busybot.common.errors import BusybotError
-from busybot.evaluation.results import HASHED, KEYS, KINDS, commit, read_result, stamp, write_result
+from busybot.evaluation.results import HASHED, KEYS, KINDS, code_digest, commit, read_result, stamp, write_result
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
 FILES = sorted(RESULTS.rglob("*.json"))
@@ -43,6 +43,20 @@ def test_a_file_without_a_kind_is_refused_with_what_to_do(tmp_path: Path) -> Non
     file.write_text('{"kind": "other"}')
     with pytest.raises(BusybotError, match="unknown kind 'other'"):
         read_result(file)
+
+
+def test_versions_of_the_code_are_told_apart(tmp_path: Path) -> None:
+    told = set()
+    for number, (name, text) in enumerate((("a.py", "1"), ("a.py", "2"), ("b.py", "1"), ("a.vert", "1"))):
+        package = tmp_path / str(number)
+        (package / "__pycache__").mkdir(parents=True)
+        (package / name).write_text(text)
+        digest = code_digest(package)
+        (package / "__pycache__" / "a.pyc").write_text(name)
+        code_digest.cache_clear()
+        assert code_digest(package) == digest
+        told.add(digest)
+    assert len(told) == 4 and stamp("reason")["versions"]["code"] == code_digest() not in told
 
 
 def test_the_commit_is_told_where_the_source_is_tracked(tmp_path: Path) -> None:

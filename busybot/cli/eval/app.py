@@ -43,7 +43,9 @@ app = typer.Typer(
     add_completion=False, no_args_is_help=True, context_settings=CONTEXT, help="Measure a skill on a dataset."
 )
 
-OutOption = Annotated[Path | None, typer.Option(help="Folder for the results; continues a stopped evaluation.")]
+OutOption = Annotated[
+    Path | None, typer.Option(help="Folder for the results; continues an evaluation stopped under this version.")
+]
 BUILT_IN = ("random", "scripted")
 USUAL_REASONER = "event; mechanism in worlds beyond the paper's"
 

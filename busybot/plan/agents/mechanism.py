@@ -7,7 +7,7 @@
 3. Where no known effect leads on, the shortest way to a situation that was never met is taken, in the hope that it
    does.
 4. A link that failed to give may wait for any responder in any state; by what the responders showed when it gave and
-   when it did not, it is told which, as curiosity tells it (`curiosity.yields`).
+   when it did not, it is told which, much as curiosity tells it (`curiosity.yields`).
 5. Whether an action moved its link is not always seen: the picture may change by what an earlier action does late, and
    hardly by a small link. What responders show then and later tells which is more probable.
 
@@ -50,14 +50,14 @@ class Locks:
     """
 
     tries: dict[int, list[tuple[tuple[int, ...], bool]]] = field(default_factory=dict)
-    _told: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict)
+    _told: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def add(self, link: int, shown: tuple[int, ...], moved: bool) -> None:
         self.tries.setdefault(link, []).append((shown, moved))
         self._told.clear()
 
     def held(self, link: int, shown: tuple[int, ...]) -> bool:
-        """Whether the link would rather not give if the responders showed this; False of one that always did."""
+        """Whether the link would rather not give if the responders showed this; False of one that never failed."""
         if (link, shown) not in self._told:
             tries = self.tries.get(link, [])
             self._told[link, shown] = self._failed(link) and self._yields(tries, shown) < 0.5
@@ -70,9 +70,9 @@ class Locks:
         """How probable it is that a link gives; of the links of this board the more are held the more ever failed."""
         known = any(moved for _, moved in tries)  # how to push it
         failed, links = sum(map(self._failed, self.tries)), len(self.tries)
-        share = (1 + failed) / (1 / LOCKED + links)
-        states = np.array([*(then for then, _ in tries), shown])
-        return yields(states, [(one, moved, known) for one, (_, moved) in enumerate(tries)], share)
+        locked = (1 + failed) / (1 / LOCKED + links)
+        states = np.array([*(then for then, _ in tries), shown], int)
+        return yields(states, [(one, moved, known) for one, (_, moved) in enumerate(tries)], locked)
 
 
 class MechanismAgent:

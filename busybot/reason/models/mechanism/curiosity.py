@@ -112,11 +112,11 @@ def released(responders: np.ndarray, tries: Sequence[Sequence[int]], shown: np.n
 
 
 def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], locked: float = LOCKED) -> float:
-    """How probable it is that a link that was seen moving would move now if it were pushed, as a share of how probable
-    that is of one that nothing holds: any responder in any of its states may be what it waits for, or none.
+    """How probable it is that a link would move now if it were pushed, as a share of how probable that is of one that
+    nothing holds: any responder in any of its states may be what it waits for, or none.
 
     Args:
-        responders: int (T + 1, R), states after each action.
+        responders: int (T + 1, R), states after each action; one that is not known is negative.
         tries: the actions that took hold of the link, from 0, whether each moved it, and whether it is known that it
             moves if pushed like that.
         locked: how probable it is that the link waits for a responder, before it was tried.
@@ -129,7 +129,7 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], lock
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
     waits = locked * there * told / max(1, there.sum())
     alone = (1 - locked) * np.where(moved, gives, 1 - gives).prod()
-    now = waits[np.arange(len(there)), responders[-1]].sum()
+    now = (waits * (responders[-1][:, None] == np.arange(STATES))).sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))
 

@@ -292,7 +292,9 @@ def machine() -> dict[str, str]:
     """Versions and size of this machine."""
     from busybot.evaluation.results import commit, package_versions
 
-    versions = {name: version for name, version in package_versions().items() if name not in ("busybot", "python")}
+    versions = {
+        name: version for name, version in package_versions().items() if name not in ("busybot", "code", "python")
+    }
     packages = ", ".join(f"{name} {version}" for name, version in versions.items())
     own = package_versions(())["busybot"]
     return {

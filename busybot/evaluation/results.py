@@ -118,7 +118,7 @@ def stamp(
     """The keys of every result file, to be written before the figures.
 
     Args:
-        versions: those of `package_versions()` if None; `code` joins them.
+        versions: those of `package_versions()` if None.
         hashes: by a name of `HASHED`, then by the name of what is hashed: a digest, or several by name.
     """
     assert kind in KINDS, f"{kind}: add it to KINDS"
@@ -129,7 +129,7 @@ def stamp(
         "command": command,
         "seed": seed,
         "machine": machine(),
-        "versions": dict(package_versions() if versions is None else versions) | {"code": code_digest()},
+        "versions": dict(package_versions() if versions is None else versions),
         "hashes": {name: dict((hashes or {}).get(name, {})) for name in HASHED},
     }
 
@@ -163,8 +163,8 @@ def read_result(path: Path, kind: str | None = None) -> dict[str, Any]:
 
 
 def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
-    """Of busybot, Python and packages; those that are not installed are left out."""
-    found = {"busybot": __version__, "python": platform.python_version()}
+    """Of busybot, its `code` as of `code_digest`, Python and packages; those that are not installed are left out."""
+    found = {"busybot": __version__, "code": code_digest(), "python": platform.python_version()}
     for name in packages:
         try:
             found[name] = version(name)

@@ -46,33 +46,34 @@ class Locks:
     """Which links are held while the responders look so, by how each gave and failed before.
 
     Attributes:
-        tries: by link, the responders' states at each try and whether it moved then.
+        shown: the responders' states, as often as they were seen.
+        tries: by link, which of these showed when it was tried, and whether it moved.
     """
 
-    tries: dict[int, list[tuple[tuple[int, ...], bool]]] = field(default_factory=dict)
+    shown: list[tuple[int, ...]]
+    tries: dict[int, list[tuple[int, bool]]] = field(default_factory=dict)
     _told: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def add(self, link: int, shown: tuple[int, ...], moved: bool) -> None:
-        self.tries.setdefault(link, []).append((shown, moved))
+    def add(self, link: int, moved: bool, then: int = -1) -> None:
+        """That a link moved or did not, as responders looked then, by default when they were seen last."""
+        self.tries.setdefault(link, []).append((then % len(self.shown), moved))
         self._told.clear()
 
     def held(self, link: int, shown: tuple[int, ...]) -> bool:
         """Whether the link would rather not give if the responders showed this; False of one that never failed."""
         if (link, shown) not in self._told:
-            tries = self.tries.get(link, [])
-            self._told[link, shown] = self._failed(link) and self._yields(tries, shown) < 0.5
+            self._told[link, shown] = self._failed(link) and self._yields(link, shown) < 0.5
         return self._told[link, shown]
 
     def _failed(self, link: int) -> bool:
         return any(not moved for _, moved in self.tries.get(link, []))
 
-    def _yields(self, tries: list[tuple[tuple[int, ...], bool]], shown: tuple[int, ...]) -> float:
+    def _yields(self, link: int, shown: tuple[int, ...]) -> float:
         """How probable it is that a link gives; of the links of this board the more are held the more ever failed."""
+        tries = self.tries[link]
         known = any(moved for _, moved in tries)  # how to push it
-        failed, links = sum(map(self._failed, self.tries)), len(self.tries)
-        locked = (1 + failed) / (1 / LOCKED + links)
-        states = np.array([*(then for then, _ in tries), shown], int)
-        return yields(states, [(one, moved, known) for one, (_, moved) in enumerate(tries)], locked)
+        locked = (1 + sum(map(self._failed, self.tries))) / (1 / LOCKED + len(self.tries))
+        return yields(np.array([*self.shown, shown], int), [(*one, known) for one in tries], locked)
 
 
 class MechanismAgent:
@@ -93,7 +94,8 @@ class MechanismAgent:
     def start(self, briefing: TaskContext) -> None:
         self._briefing = briefing
         self._perceived, self._laws = self._reasoner.laws(briefing.history)
-        self._locks, self._tried, self._used = Locks(), Counter[tuple[int, int]](), Counter[int]()
+        self._locks, self._used = Locks(list(map(tuple, self._perceived.trace.responders.tolist()))), Counter[int]()
+        self._failures: list[tuple[tuple[int, int], int | None, tuple[int, ...]]] = []
         start = self._laws.begin(self._perceived.trace.links[0], self._shown(briefing.history.features[0]))
         self._beliefs = [(0.0, start)]  # log probabilities, the most probable first
         self._read_history()
@@ -106,7 +108,7 @@ class MechanismAgent:
         for step, link in enumerate(self._perceived.links.clusters.tolist()):
             if link >= 0:
                 moved = bool(trace.links[step, link] != trace.links[step + 1, link])
-                self._locks.add(link, tuple(trace.responders[step].tolist()), moved)
+                self._locks.add(link, moved, step)
                 if self._briefing.worked[step] < 0:
                     silent[link] += 1 if moved else -1
         self._silent = {link for link, count in silent.items() if count > 0}
@@ -163,15 +165,17 @@ class MechanismAgent:
     def _learn(self, attempt: PastAction) -> None:
         """What came of an action: where its link stands now, and what the responders show."""
         meant, before = self._meant, self._moment
+        self._locks.shown.append(before.shown)
         silent = not attempt.reward and meant in self._silent
         chance = MOVED if attempt.reward else SILENT if silent else SEEN
         chance *= 1.0 if attempt.contact.step >= 0 else PROPOSED
         moved = self._weigh(attempt, WAITED if meant == NOBODY else chance)
-        self._tried[attempt.contact.pixel] += not attempt.reward
+        if not attempt.reward:
+            self._failures.append((attempt.contact.pixel, meant, before.shown))
         if meant is not None and meant != NOBODY:
             self._used[meant] += 1
             if not silent:
-                self._locks.add(meant, before.shown, moved)
+                self._locks.add(meant, moved)
 
     def _weigh(self, attempt: PastAction, chance: float) -> bool:
         """Each belief with a link moved and without, by how well it agrees with what shows; the laws learn from the
@@ -217,17 +221,24 @@ class MechanismAgent:
             same = (states[one.step], states[one.step + 1]) == (before, after)
             if clusters[one.step] == link and (same or one.belief):
                 direction = one.choices[0] if same else _nearest(way, one)
-                found.append(((self._tried[one.pixel], not self._still_there(one), 1 - same), one, direction))
+                found.append(((self._in_vain(one.pixel), not self._still_there(one), 1 - same), one, direction))
         if not found or min(rank for rank, *_ in found) > (0, False, 1):
             for one in situation.candidates:
                 if self._perceived.link_at(np.asarray(one.position), one.trigger) == link:
-                    found.append(((self._tried[one.pixel], False, 2), one, _nearest(way, one)))
+                    found.append(((self._in_vain(one.pixel), False, 2), one, _nearest(way, one)))
         return min(found, key=lambda one: one[0])[1:] if found else None
 
     def _still_there(self, contact: Contact) -> bool:
         """Whether the picture shows at the pixel of an action what was taken hold of then."""
         held = self._briefing.history.actions[contact.step, :3]
         return float(np.linalg.norm(np.asarray(contact.position) - held)) < NEAR
+
+    def _in_vain(self, pixel: tuple[int, int]) -> int:
+        """How often what was done there failed although no lock held its link."""
+        return sum(
+            at == pixel and (link in (None, NOBODY) or not self._locks.held(link, shown))
+            for at, link, shown in self._failures
+        )
 
     def _wait(self, situation: DecisionState, why: str) -> Act | None:
         """An action that moves nothing: across all ways in which a link gave."""
@@ -252,7 +263,7 @@ class MechanismAgent:
         if not links:
             return Stop(NO_CANDIDATE)
         one, self._meant = min(
-            links, key=lambda pair: (self._tried[pair[0].pixel], self._used[NOBODY if pair[1] is None else pair[1]])
+            links, key=lambda pair: (self._in_vain(pair[0].pixel), self._used[NOBODY if pair[1] is None else pair[1]])
         )
         self._used[NOBODY] += self._meant is None
         return Act(one, one.choices[0], "nothing known leads on: tries something else", int(differing[0]))

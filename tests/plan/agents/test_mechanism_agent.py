@@ -160,29 +160,36 @@ def test_a_switch_that_no_picture_tells_of_is_moved_as_it_was() -> None:
     assert shown[1:3] == (1, 0)
 
 
+def locks_of(*tries: tuple[int, tuple[int, ...], bool], met: tuple[int, ...] = (0, 0)) -> Locks:
+    """After tries of links, with what the responders showed then."""
+    locks = Locks([met])
+    for link, shown, moved in tries:
+        locks.shown.append(shown)
+        locks.add(link, moved)
+    return locks
+
+
 def test_links_are_held_as_experience_says() -> None:
-    locks = Locks()
-    for shown in ((0, 0), (0, 1)):
-        locks.add(0, shown, moved=False)
-        assert not locks.held(0, (1, 0)), "nothing ever moved it"
-    locks.add(0, (1, 1), moved=True)
+    tries = [(0, (0, 0), False), (0, (0, 1), False)]
+    assert not locks_of(*tries).held(0, (1, 0)), "nothing ever moved it"
+    locks = locks_of(*tries, (0, (1, 1), True), (1, (0, 0), False), (1, (0, 0), False))
     assert locks.held(0, (0, 1)) and not locks.held(0, (1, 0)), "the first responder lets it go"
-    for _ in range(2):
-        locks.add(1, (0, 0), moved=False)
     assert locks.held(1, (0, 0)) and not locks.held(1, (0, 1))
-    for shown, moved in (((0, 1), True), ((0, 1), True), ((0, 0), False)):
-        locks.add(2, shown, moved)
-    assert locks.held(2, (0, 0)), "one failure of a link that gave with the second responder lit is enough"
-    locks.add(2, (0, 0), moved=True)
-    assert not locks.held(2, (0, 0)), "it gave after all: the failure was seen wrongly"
+    tries = [(2, (0, 1), True), (2, (0, 1), True), (2, (0, 0), False)]
+    assert locks_of(*tries).held(2, (0, 0)), "one failure of a link that gave with the second responder lit is enough"
+    assert not locks_of(*tries, (2, (0, 0), True)).held(2, (0, 0)), "it gave after all: the failure was seen wrongly"
+
+
+def test_a_link_may_wait_for_a_state_that_others_were_tried_in() -> None:
+    tries = [(0, (state,), False) for state in (0, 1) * 3]
+    assert locks_of(*tries, met=(2,)).held(0, (0,)), "the responder has a third state, which may let it go"
+    assert not locks_of(*tries, met=(2,)).held(0, (2,)) and not locks_of(*tries, met=(1,)).held(0, (0,))
 
 
 def test_a_link_that_never_failed_is_not_held() -> None:
-    locks = Locks()
-    for link in range(4):
-        locks.add(link, (0, 0), moved=False)
-    locks.add(4, (0, 0), moved=True)
+    locks = locks_of(*((link, (0, 0), False) for link in range(4)), (4, (0, 0), True))
     assert not locks.held(4, (1, 1)) and not locks.held(5, (0, 0))
+    assert not locks_of((0, (0, 0), True), (0, (1, 0), False)).held(0, (-1, 0)), "what is not known tells nothing"
 
 
 def test_it_wants_a_reasoner_that_tells_mechanisms() -> None:

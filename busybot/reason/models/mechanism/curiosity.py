@@ -116,7 +116,7 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], lock
     nothing holds: any responder in any of its states may be what it waits for, or none.
 
     Args:
-        responders: int (T + 1, R), states after each action; one that is not known is negative.
+        responders: int (T + 1, R), states after each action; of one that is not known, a negative one after the last.
         tries: the actions that took hold of the link, from 0, whether each moved it, and whether it is known that it
             moves if pushed like that.
         locked: how probable it is that the link waits for a responder, before it was tried.
@@ -129,7 +129,8 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], lock
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
     waits = locked * there * told / max(1, there.sum())
     alone = (1 - locked) * np.where(moved, gives, 1 - gives).prod()
-    now = (waits * (responders[-1][:, None] == np.arange(STATES))).sum()
+    waits = waits[responders[-1] >= 0]
+    now = (waits * (responders[-1][responders[-1] >= 0, None] == np.arange(STATES))).sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))
 

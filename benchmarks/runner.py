@@ -22,7 +22,7 @@ import psutil
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError, UsageError, naming_extras
 from busybot.evaluation.folder import OTHER_CODE
-from busybot.evaluation.results import KINDS, code_digest, read_result, stamp, write_result
+from busybot.evaluation.results import KINDS, of_this_code, read_result, stamp, write_result
 
 BUSYBOT = (sys.executable, "-m", "busybot")
 PRODUCT_SIDE = 1024
@@ -277,7 +277,7 @@ def earlier(file: Path) -> dict[str, Any] | None:
         BusybotError: another version of busybot wrote it; a table has figures of one.
     """
     known = read_json(file) if file.exists() else None
-    if known is not None and known.get("versions", {}).get("code") != code_digest():
+    if known is not None and not of_this_code(known):
         raise BusybotError(f"{file}: {OTHER_CODE}", "name another --work folder")
     return known
 

@@ -6,7 +6,7 @@
 
 Only the command line is used (`python -m busybot` with this interpreter and the checkout in front of `PYTHONPATH`), so
 the two may be laid out as they like. With `--resume-from` the second one continues what the first one left interrupted,
-and judges the models that the first one trained. `--only 'eval/*'` runs some of the cases
+evaluations excepted, and judges the models that the first one trained. `--only 'eval/*'` runs some of the cases
 (`same_results_cases`), and may be repeated.
 
 Cases with real objects are left out where these are not found (BUSYBOT_PARTNET_DIR names their folder, else it is
@@ -180,8 +180,9 @@ def interrupt(runner: Runner, work: Work, name: str) -> None:
 
 
 def continued(runner: Runner, work: Work, name: str) -> Facts:
-    """What comes of work that the older checkout left interrupted."""
-    shutil.copytree(runner.work / "old" / "interrupted" / name, runner.work / "continued" / name)
+    """What comes of work that the older checkout left interrupted, or this one an evaluation."""
+    begun = runner.work if work.evaluates else runner.work / "old"
+    shutil.copytree(begun / "interrupted" / name, runner.work / "continued" / name)
     return worked(runner, work, "continued", name)
 
 
@@ -245,7 +246,7 @@ def cases(runner: Runner, old: Path | None) -> Iterator[tuple[str, Callable[[], 
         yield f"eval/{name}", partial(evaluated, runner, command, name)
     for name, work in WORKS.items():
         yield f"straight/{name}", partial(straight, runner, work, name)
-        if old is None:
+        if old is None or work.evaluates:
             yield f"interrupted/{name}", partial(interrupt, runner, work, name)
     yield "old", partial(take_old, runner, old or runner.work)
     for name, work in WORKS.items():

@@ -79,6 +79,11 @@ class Work:
     generate: str = ""
     judged: str = ""
 
+    @property
+    def evaluates(self) -> bool:
+        """Whether it is an evaluation, which only the version that began it continues."""
+        return JUDGED_BOARD in self.killed_at
+
 
 def setting(*values: str) -> str:
     return shlex.join(settings(*values))

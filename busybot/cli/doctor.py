@@ -290,13 +290,11 @@ def _show(checks: list[Check], ok: bool) -> None:
 
 def machine() -> dict[str, str]:
     """Versions and size of this machine."""
-    from busybot.evaluation.results import commit, package_versions
+    from busybot.evaluation.results import PACKAGES, commit, package_versions
 
-    versions = {
-        name: version for name, version in package_versions().items() if name not in ("busybot", "code", "python")
-    }
-    packages = ", ".join(f"{name} {version}" for name, version in versions.items())
-    own = package_versions(())["busybot"]
+    versions = package_versions()
+    packages = ", ".join(f"{name} {versions[name]}" for name in PACKAGES if name in versions)
+    own = versions["busybot"]
     return {
         "busybot": f"{own}, {source}" if (source := commit()) else own,
         "Python": f"{platform.python_implementation()} {platform.python_version()}",

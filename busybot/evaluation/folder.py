@@ -2,7 +2,7 @@
 
 A skill says what a worker process does with a board (`BoardWork`) and how judged boards become a result. The folder:
 
-settings.json       what is measured, and by which code: another measurement is refused in the same folder
+settings.json       what is measured, and by which versions: another measurement is refused in the same folder
 boards.jsonl        what was judged, one board per line, in the order in which they were finished
 result.json         all metrics, when every board is judged
 
@@ -34,7 +34,7 @@ from busybot.common.limits import MAX_LINES_BYTES
 from busybot.common.process_pool import RECYCLE, TASK_SECONDS, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
-from busybot.evaluation.results import code_digest
+from busybot.evaluation.results import of_this_code, package_versions
 
 SETTINGS, BOARDS, RESULT = "settings.json", "boards.jsonl", "result.json"
 OTHER_CODE = "what is there was judged by another version of busybot"
@@ -126,7 +126,7 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     Raises:
         BusybotError: the folder holds something else, or a measurement with other settings or by other code.
     """
-    settings, file = plain(settings) | {"code": code_digest()}, out / SETTINGS
+    settings, file = plain(settings) | {"versions": package_versions()}, out / SETTINGS
     if not file.exists():
         if out.exists() and (not out.is_dir() or names_in(out)):
             raise BusybotError(f"{out}: it exists and holds no evaluation", "name another folder")
@@ -135,7 +135,7 @@ def begin(out: Path, settings: dict[str, Any], kind: type[J]) -> dict[int, J]:
     if not isinstance(known, dict):
         raise BusybotError(f"{file}: not an object", "name another folder")
     differing = [key for key, value in settings.items() if known.get(key) != value]
-    if "code" in differing:
+    if not of_this_code(known):
         raise BusybotError(f"{out}: {OTHER_CODE}", "name another folder, or remove this one")
     if differing:
         what = f"{out}: an evaluation with other settings was begun there: {', '.join(differing)} differ"

@@ -186,6 +186,12 @@ def code_digest(package: Path = SOURCE) -> str:
     return digest.hexdigest()
 
 
+def of_this_code(told: Any) -> bool:
+    """Whether what was read from a file has `versions` with the digest of this code."""
+    versions = told.get("versions") if isinstance(told, dict) else None
+    return isinstance(versions, dict) and versions.get("code") == code_digest()
+
+
 def commit(source: Path = SOURCE) -> str | None:
     """The commit of the source, 40 hexadecimal digits; `-dirty` behind them if tracked files differ from it.
 

@@ -22,7 +22,7 @@ from busybot.episodes.episode import Episode, Image, Step
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
-from busybot.evaluation.results import package_versions, stamp
+from busybot.evaluation.results import stamp
 from busybot.evaluation.statistics import LEVEL
 from busybot.interact import metrics as m
 from busybot.objects.library import Library
@@ -232,5 +232,4 @@ def _settings(evaluation: PolicyEvaluation) -> dict[str, Any]:
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "seed": info.seed},
         "seed": evaluation.seed,
-        "versions": package_versions(),
     }

@@ -20,7 +20,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BoardWork, EvaluationRecording, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
-from busybot.evaluation.results import package_versions, stamp
+from busybot.evaluation.results import stamp
 from busybot.interact.policy.policy_factory import candidates_config, fingerprint, load_once
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
@@ -202,5 +202,4 @@ def _settings(evaluation: PlanEvaluation) -> dict[str, Any]:
         "config": config.model_dump(mode="json"),
         "dataset": origin | {"assets": info.assets.name, "board_hash": hashes.board, "content_hash": hashes.content},
         "seed": evaluation.seed,
-        "versions": package_versions(),
     }

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
-from busybot.evaluation import folder
+from busybot.evaluation import results
 from busybot.evaluation.folder import BOARDS, RESULT, SETTINGS, BoardWork, conclude, judge_boards
 
 BROKEN = 3
@@ -62,10 +62,11 @@ def test_boards_that_other_code_judged_are_not_taken(tmp_path: Path, monkeypatch
     work, before = BoardWork(Counted, make, (1,), 1), tmp_path / "before"
     for out in (tmp_path / "out", before):
         judge_boards((0,), work, {"busybot": "1"}, out=out)
-    (before / SETTINGS).write_text('{"busybot": "1"}')
+    assert read_json(before / SETTINGS)["versions"]["code"]
+    (before / SETTINGS).write_text('{"busybot": "1", "versions": "1"}')
     with pytest.raises(BusybotError, match="another version of busybot"):
         judge_boards((0, 1), work, {"busybot": "1"}, out=before)
-    monkeypatch.setattr(folder, "code_digest", lambda: "other")
+    monkeypatch.setattr(results, "code_digest", lambda: "other")
     for busybot in ("1", "2"):
         with pytest.raises(BusybotError, match="another version of busybot"):
             judge_boards((0, 1), work, {"busybot": busybot}, out=tmp_path / "out")

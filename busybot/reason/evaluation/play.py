@@ -15,7 +15,7 @@ from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.evaluation.folder import BoardWork, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
-from busybot.evaluation.results import package_versions, stamp
+from busybot.evaluation.results import stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import JudgedCauses, candidates_of
 from busybot.reason.evaluation.causes_summary import summarise_causes
@@ -98,7 +98,6 @@ def play_boards(
         "seed": games.seed,
         "world": boards[0].world if boards else None,
         "dataset": {"name": info.name, "split": info.split, "boards": len(boards), "board_hash": hashes.board},
-        "versions": package_versions(),
     }
     seconds = STARTING_S + games.timeout_s * (games.actions + MOST_REFUSED + 1)
     work = BoardWork(PlayedBoard, make_work, (games,), workers, seconds)

@@ -129,8 +129,9 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], lock
     told = np.where(np.array(moved, bool)[:, None, None], works, 1 - works).prod(0)
     waits = locked * there * told / max(1, there.sum())
     alone = (1 - locked) * np.where(moved, gives, 1 - gives).prod()
-    waits = waits[responders[-1] >= 0]
-    now = (waits * (responders[-1][responders[-1] >= 0, None] == np.arange(STATES))).sum()
+    last = responders[-1]
+    waits = waits[last >= 0]
+    now = (waits * (last[last >= 0, None] == np.arange(STATES))).sum()
     held = waits.sum() - now
     return float((alone + now + held * (1 - GIVES) / GIVES) / (alone + now + held))
 

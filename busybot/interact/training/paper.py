@@ -45,7 +45,7 @@ from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, mixed
+from busybot.training.device import device, keep_memory, mixed
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
@@ -79,7 +79,7 @@ class PaperAffordanceLearner(Learner):
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         first = torch.Generator().manual_seed(int(draws.integers(2**63)))
         initialise(self.network, first, biases=kind == "position", normal=kind == "direction")
-        self.network.to(device(), memory_format=layout(device()))  # type: ignore[call-overload]  # torch's stubs lack it
+        self.network.to(device())
         self.optimizer = torch.optim.Adam(self.network.parameters(), lr=self.config.learning_rate, betas=BETAS)
         self.epoch = self.done = 0
         self._samples: Samples | None = None
@@ -123,14 +123,6 @@ class PaperAffordanceLearner(Learner):
         self.epoch, self.done = int(saved.values["epoch"]), int(saved.values["done"])
 
 
-def layout(on: torch.device) -> torch.memory_format:
-    """In which networks learn from whole pictures fastest, gradients included.
-
-    With channels last a CPU is slow at the gradients of weights of convolutions over whole pictures.
-    """
-    return torch.channels_last if on.type == "cuda" else torch.contiguous_format
-
-
 def draw_half(reward: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
     """Indices of a batch: `count` / 2 samples with reward, then as many without."""
     return np.concatenate([rng.choice(np.flatnonzero(reward == wanted), count // 2) for wanted in (True, False)])
@@ -153,7 +145,7 @@ def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndar
     if kind == "direction":
         features = with_positions(features, pixels)
     with mixed(on):
-        outputs = network(features.contiguous(memory_format=layout(on)))
+        outputs = network(features.contiguous(memory_format=torch.channels_last))
     outputs = outputs.float()
     if kind == "position":
         at_pixel = outputs[torch.arange(len(chosen), device=on), :, pixels[:, 1], pixels[:, 0]]  # (B, 2)
@@ -217,6 +209,7 @@ class PaperTraining:
 
     def begin(self, size: Size) -> None:
         """New networks for pictures of this size, or those of the last checkpoints."""
+        keep_memory()
         seed = self.recorder.seed
         self.learners = {kind: PaperAffordanceLearner(self.out, self.config, seed, kind, size) for kind in KINDS}
 

@@ -11,13 +11,13 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
 from busybot.common.errors import BusybotError, UsageError, explained, naming_extras
+from busybot.common.quiet import is_quiet, quiet_within
 from busybot.common.text import plain
 
 if TYPE_CHECKING:
@@ -26,18 +26,11 @@ if TYPE_CHECKING:
 
 JSON_WANTED = "busybot.json"
 CONTEXT = {"help_option_names": ["-h", "--help"]}
-_QUIET = ContextVar("quiet", default=False)
-
-
-def be_quiet(wanted: bool) -> None:
-    """Take `--quiet`: until the command ends, `say` and progress are silent."""
-    if wanted:
-        _QUIET.set(True)
 
 
 def say(message: str) -> None:
     """A line of progress or explanation, on standard error; none with `--quiet`."""
-    if not _QUIET.get():
+    if not is_quiet():
         warn(message)
 
 
@@ -208,22 +201,20 @@ def report_errors(context: typer.Context) -> Iterator[None]:
 
     `busybot.cli.main` does this around every subcommand.
     """
-    before = _QUIET.set(False)
-    try:
-        with naming_extras():
-            yield
-    except BusybotError as error:
-        _report(context, error)
-    except BrokenPipeError:
-        raise  # the reader of our output has gone, as `head` does: typer ends quietly
-    except (OSError, MemoryError) as error:
-        # of the system: nothing that our own code expected, but something that the user can mend
-        _report(context, explained(error))
-    except KeyboardInterrupt:
-        say("interrupted")
-        raise typer.Exit(130) from None
-    finally:
-        _QUIET.reset(before)
+    with quiet_within():
+        try:
+            with naming_extras():
+                yield
+        except BusybotError as error:
+            _report(context, error)
+        except BrokenPipeError:
+            raise  # the reader of our output has gone, as `head` does: typer ends quietly
+        except (OSError, MemoryError) as error:
+            # of the system: nothing that our own code expected, but something that the user can mend
+            _report(context, explained(error))
+        except KeyboardInterrupt:
+            say("interrupted")
+            raise typer.Exit(130) from None
 
 
 def _report(context: typer.Context, error: BusybotError) -> NoReturn:
@@ -265,7 +256,7 @@ def episode_progress(label: str) -> Iterator[Any]:
     On a terminal it is a bar; elsewhere a line is printed every few seconds, so that logs stay short. With `--quiet`
     there is neither.
     """
-    if _QUIET.get():
+    if is_quiet():
         yield lambda done, total: None
         return
     from rich.console import Console
@@ -276,9 +267,15 @@ def episode_progress(label: str) -> Iterator[Any]:
         yield _LinePrinter(label)
         return
     rate = TextColumn("{task.fields[rate]}")
-    columns = (TextColumn(label), BarColumn(), MofNCompleteColumn(), rate, TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        rate,
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console) as bar:
-        task = bar.add_task(label, total=None, rate="")
+        task = bar.add_task(plain(label), total=None, rate="")
         started: dict[str, float] = {}
 
         def update(done: int, total: int) -> None:

@@ -25,6 +25,7 @@ from busybot.cli.common import console, print_json, tell
 from busybot.cli.options import JsonOption
 from busybot.common.device import CHOICE
 from busybot.common.errors import current_folder
+from busybot.common.text import plain
 
 SETUP = "make setup"
 ROOT = Path(__file__).resolve().parents[2]
@@ -282,7 +283,7 @@ def _show(checks: list[Check], ok: bool) -> None:
     table = Table("", "check", "found", "hint")
     for check in checks:
         mark = Text("ok", "green") if check.ok else Text("FAIL", "bold red")
-        table.add_row(mark, check.name, Text(check.value), Text(check.hint or ""))
+        table.add_row(mark, check.name, Text(plain(check.value)), Text(plain(check.hint or "")))
     screen = console()
     screen.print(table)
     screen.print("Everything is in order." if ok else "Something needs mending: see the last column.")

@@ -11,9 +11,10 @@ from typing import Annotated, Any
 import typer
 from typer.main import get_command
 
-from busybot.cli.common import JSON_WANTED, be_quiet, warn
+from busybot.cli.common import JSON_WANTED, warn
 from busybot.common.device import CHOICE, choose, gpus
 from busybot.common.errors import UsageError
+from busybot.common.quiet import be_quiet
 from busybot.common.remote import SCHEME, RemotePath
 
 RENAMED = {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
+from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say, warn
 from busybot.cli.options import (
     AssetsOption,
     DeviceOption,
@@ -122,9 +122,14 @@ def reason(
     which way round their links are.
     """
     from busybot.common.config import build
+    from busybot.datasets.dataset import Dataset
+    from busybot.datasets.summary import kept_to_judge
     from busybot.reason.train import CONFIGS, train_reason
 
     parameters = build(CONFIGS[variant], config, set_ or [], {"encoder": encoder})
+    for path in data:
+        if lost := kept_to_judge(Dataset.open(path)):
+            warn(lost)
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
     _tell_held_out(trained.training, parameters.loop.held_out)

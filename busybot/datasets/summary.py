@@ -64,6 +64,14 @@ def nothing_moved(dataset: Dataset) -> bool:
     return _total(rows["steps"]) > 0 and all(rows["truth"].to_pylist()) and not _total(rows["successes"])
 
 
+def kept_to_judge(dataset: Dataset) -> str | None:
+    """What is lost where a model is trained on the dataset: its split is one that models are judged on. Else None."""
+    split = dataset.info.split
+    if not split.startswith("novel-"):
+        return None
+    return f"{dataset.path}: its boards are of the split {split}; the model cannot be judged on that split honestly"
+
+
 def origin_of(dataset: Dataset) -> dict[str, Any]:
     """What a training on the dataset depends on, wherever it lies; JSON values.
 

@@ -25,10 +25,11 @@ from pydantic import Field
 from torch import Tensor, nn
 
 from busybot.common.atomic_io import write_atomically, write_json
+from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_weights, restore_training, save_tensors, training_tensors
-from busybot.training.run_folder import Metrics, read_metrics
+from busybot.training.run_folder import Metrics, read_metrics, told
 
 
 def groups_apart(groups: set[Any], share: float, seed: int, purpose: str) -> set[Any]:
@@ -101,6 +102,7 @@ class Learner:
         optimizer: what trains it.
         iterations: of the whole training, for `fit`.
         budget: ends the training; None for one that ends with its iterations.
+        leaves_out: whether it takes no step itself where the loss is no number; others end there.
     """
 
     name: str
@@ -108,6 +110,7 @@ class Learner:
     optimizer: torch.optim.Optimizer
     iterations: int
     budget: Budget | None = None
+    leaves_out = False
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """Train once; returns the loss and the learning rate. All it draws depends on the seed and `iteration`."""
@@ -145,8 +148,10 @@ class Progress:
     waited: int = 0
 
     def better(self, loss: float | None) -> bool:
-        """Enter a judgement; returns whether it is the best so far. Without held-out boards the latest is."""
-        if loss is not None and self.best_loss is not None and loss >= self.best_loss:
+        """Enter a judgement; returns whether it is the best so far: never one that is no number. Without held-out
+        boards the latest is."""
+        worse = loss is not None and self.best_loss is not None and loss >= self.best_loss
+        if worse or (loss is not None and not math.isfinite(loss)):
             self.waited += 1
             return False
         self.best, self.best_loss, self.waited = self.iteration, loss, 0
@@ -196,6 +201,11 @@ class Loop:
         metrics = Metrics(self.metrics, name, progress.iteration, start, until, self._report)
         while not self._over(until) and not (patience and progress.waited >= patience):
             loss, rate = self.learner.iterate(progress.iteration)
+            if not math.isfinite(loss) and not self.learner.leaves_out:
+                what = f"{self.metrics.parent.parent}: {self.learner.name}, iteration {progress.iteration + 1}"
+                raise BusybotError(
+                    f"{what}: the loss is no number", "train in another folder, at a lower learning rate"
+                )
             progress.iteration += 1
             metrics.add(progress.iteration, loss, rate)
             if self.learner.budget is not None:
@@ -249,7 +259,7 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
     """
     loop = Loop(learner, out, config.report, config.judge)
     loop.run(learner.name, 0, learner.iterations, judged=True, patience=config.patience)
-    last = dict(learner.judge())
+    last = told(learner.judge())
     if loop.best:
         load_weights(learner.network, loop.best, loop.checkpoint)
     learner.conclude()
@@ -257,7 +267,7 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
     summary = {
         "iterations": loop.progress.iteration,
         "best_iteration": loop.progress.best,
-        "held_out": dict(learner.judge()),
+        "held_out": told(learner.judge()),
         "held_out_last": last,
     }
     write_json(out / "metrics.json", summary)

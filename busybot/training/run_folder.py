@@ -6,6 +6,7 @@ from those lines, without a display (`draw`).
 """
 
 import json
+import math
 import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
@@ -29,6 +30,7 @@ from busybot.common.atomic_io import (
 )
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_LINES_BYTES
+from busybot.common.quiet import is_quiet
 
 TRAIN_FILE = "train.json"
 
@@ -103,19 +105,28 @@ class Metrics:
                 self._told, seconds = now, (now - self._began) / (iteration - self._first)
                 done = f"{iteration - self._start} of {self._until - self._start}, loss {mean:.3f}"
                 left = f"{1e3 * seconds:.0f} ms each, {seconds * (self._until - iteration):.0f} s left"
-                print(f"{self._name}: {done}, {left}", file=sys.stderr, flush=True)
+                self._tell(f"{done}, {left}")
 
     def end(self, iteration: int, figures: Mapping[str, float | None]) -> None:
         """Enter the figures of a round's end."""
-        self._lines.append({"iteration": iteration, "validation": dict(figures)})
+        self._lines.append({"iteration": iteration, "validation": told(figures)})
         self.write()
         shown = ", ".join(f"{name} {value:.4f}" for name, value in figures.items() if value is not None)
-        print(f"{self._name}: {shown}", file=sys.stderr, flush=True)
+        self._tell(shown)
+
+    def _tell(self, what: str) -> None:
+        if not is_quiet():
+            print(f"{self._name}: {what}", file=sys.stderr, flush=True)
 
     def write(self) -> None:
         """Bring the file up to date."""
         text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in self._lines)
         write_atomically(self._path, text.encode(), self._path.parent.parent)
+
+
+def told(figures: Mapping[str, float | None]) -> dict[str, float | None]:
+    """As JSON has them: None in place of what is no number."""
+    return {name: value if value is None or math.isfinite(value) else None for name, value in figures.items()}
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
+from busybot.common.atomic_io import scan
 from tests.episodes.folders import make_dataset
 
 pytestmark = pytest.mark.usefixtures("in_process")
@@ -41,6 +42,8 @@ def test_the_tiny_dataset_comes_with_the_package(tmp_path: Path) -> None:
     assert told.exit_code == 0 and json.loads(told.stdout)["frozen"]
     again = run("tiny", "--out", str(place))
     assert again.exit_code == 1 and "it exists and is not an empty folder" in " ".join(again.stderr.split())
+    other = json.loads(run("tiny", "--out", str(tmp_path / "other"), "--json").stdout)
+    assert Path(other["out"]) == tmp_path / "other" and other["files"] == len(scan(place).files)
 
 
 def test_info_for_people_names_the_same_things(dataset: Path) -> None:

@@ -286,6 +286,14 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         "numbers are not as many",
         "3 x 3",
     ),
+    "corners that are one": (
+        write(
+            "camera.json",
+            '{"matrix": [[50, 0, 80], [0, 50, 60], [0, 0, 1]], "corners": [[9, 9], [9, 9], [9, 9], [9, 9]]}',
+        ),
+        "no camera sees a board with such corners",
+        "upper left",
+    ),
     "two cameras": (
         lambda folder: (write("camera.json", "{}")(folder), write("camera.yaml", "{}")(folder)),
         "which of them tells of the camera",

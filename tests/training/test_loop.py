@@ -8,6 +8,7 @@ import torch
 from torch import nn
 
 from busybot.common.errors import BusybotError
+from busybot.common.quiet import QUIET
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
 from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, groups_apart
@@ -76,6 +77,41 @@ def test_checkpoints_of_earlier_versions_go_on(tmp_path: Path, values: dict[str,
     assert (loop.progress.iteration, continued.drawn) == (3, 12)
     loop.run("", 0, 8)
     assert torch.equal(continued.network.weight, whole.network.weight)
+
+
+def test_a_judgement_that_is_no_number_is_never_the_best(tmp_path: Path) -> None:
+    class Lost(Line):
+        def judge(self) -> dict[str, float | None]:
+            return {"loss": float("nan") if self.drawn > 8 else 1.0}
+
+    learner = Lost()
+    summary = fit(learner, tmp_path, LoopConfig(report=1, judge=2, patience=2))
+    assert (summary["best_iteration"], summary["iterations"]) == (2, 6), "patience counts them"
+    assert np.isfinite(float(learner.network.weight.detach()))
+
+
+def test_a_training_whose_loss_is_no_number_ends_there(tmp_path: Path) -> None:
+    class Diverging(Line):
+        def iterate(self, iteration: int) -> tuple[float, float]:
+            loss, rate = super().iterate(iteration)
+            return (float("inf") if iteration == 4 else loss), rate
+
+    with pytest.raises(BusybotError, match="line, iteration 5: the loss is no number"):
+        fit(Diverging(), tmp_path, LoopConfig(report=1, judge=2))
+    assert loop_of(Line(), tmp_path).progress.iteration == 4
+    patient = Diverging()
+    patient.leaves_out = True
+    assert fit(patient, tmp_path, LoopConfig(report=1, judge=2, patience=0))["iterations"] == 8
+
+
+def test_a_quiet_command_trains_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop_of(Line(), tmp_path / "loud").run("line", 0, 4)
+    assert "line: 4 of 4" in capsys.readouterr().err
+    monkeypatch.setenv(QUIET, "1")
+    loop_of(Line(), tmp_path / "quiet").run("line", 0, 4)
+    assert capsys.readouterr().err == ""
 
 
 def test_time_that_is_spent_ends_a_training_for_good(tmp_path: Path) -> None:

@@ -88,11 +88,15 @@ def verify(
 @app.command()
 def tiny(
     out: Annotated[Path, typer.Option(help="New folder.")] = Path("datasets/tiny"),
+    json: JsonOption = False,
 ) -> None:
     """Get the frozen dataset of 12 boards that comes with busybot, which tests, notebooks and examples use."""
     from busybot.datasets.freeze import copy_tiny
 
     count = copy_tiny(out)
+    if json:
+        print_json({"out": out, "files": count})
+        return
     tell(f"{out}: {counted(count, 'file')}; next: busybot view {quote(str(out))}")
 
 

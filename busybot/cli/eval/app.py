@@ -66,7 +66,10 @@ def reason(
     decoders: Annotated[
         Path | None, typer.Option(help="Judge predictions by decoders trained on this training dataset, too.")
     ] = None,
-    assets: Annotated[str | None, typer.Option(help="Objects for --decoders, if they are not found by hash.")] = None,
+    assets: Annotated[
+        str | None,
+        typer.Option(help="Objects of the boards, for --decoders and for mechanisms, if they are not found by hash."),
+    ] = None,
     out: Annotated[
         list[Path] | None,
         typer.Option(help="Write the result as JSON to this file; one for each --reasoner, in their order."),

@@ -335,9 +335,12 @@ def _told_camera(told: _Camera, size: tuple[int, int]) -> Camera:
         raise BusybotError("the camera's numbers are not as many as they must be", hint) from None
     half = BOARD / 2
     board = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
-    done, turn, shift = cv2.solvePnP(board, corners, matrix, None, flags=cv2.SOLVEPNP_SQPNP)
-    if not done or not np.isfinite(shift).all():
-        raise BusybotError("no camera sees a board with such corners", "upper left, then clockwise")
+    try:
+        done, turn, shift = cv2.solvePnP(board, corners, matrix, None, flags=cv2.SOLVEPNP_SQPNP)
+        if not done or not np.isfinite(shift).all():
+            raise ValueError
+    except (cv2.error, ValueError):
+        raise BusybotError("no camera sees a board with such corners", "upper left, then clockwise") from None
     pose = np.eye(4)
     pose[:3, :3] = cv2.Rodrigues(turn)[0].T
     pose[:3, 3] = -pose[:3, :3] @ shift.ravel()

@@ -19,6 +19,7 @@ from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import UNSAID, collect_command, with_unsaid
+from busybot.datasets.summary import kept_to_judge
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import RecordConfig
@@ -64,10 +65,8 @@ class Recorder:
             BusybotError: the folder holds another training; and see `finished`.
         """
         for path in datasets:
-            split = finished(Dataset.open(path), self.config).info.split
-            if split != "train":
-                what = f"{path}: its boards are of the split {split}; the model cannot be judged on that split honestly"
-                self.told.say(what)
+            if lost := kept_to_judge(finished(Dataset.open(path), self.config)):
+                self.told.say(lost)
         given = {"data": [Dataset.open(path).hashes().content for path in datasets]} if datasets else {}
         begin_folder(out, self.config, self.seed, BEFORE, **given)
 

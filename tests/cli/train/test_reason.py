@@ -47,6 +47,15 @@ def test_a_model_judged_on_the_boards_that_it_was_trained_on_is_told_of(tmp_path
         assert ("was trained on these very boards" in done.stderr) is same
 
 
+def test_boards_that_are_there_to_judge_are_named(tmp_path: Path, data: Path) -> None:
+    assert "cannot be judged" not in run(*arguments(tmp_path / "run", data)).stderr
+    info = json.loads((data / "dataset.json").read_text())
+    info["split"] = info["generator"]["config"]["split"] = "novel-object"
+    (data / "dataset.json").write_text(json.dumps(info))
+    done = run(*arguments(tmp_path / "other", data))
+    assert "novel-object; the model cannot be judged on that split honestly" in done.stderr
+
+
 def weights(out: Path) -> str:
     return hashlib.sha256((out / "model" / "weights.safetensors").read_bytes()).hexdigest()
 

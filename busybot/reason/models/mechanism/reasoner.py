@@ -86,7 +86,7 @@ class _Understood:
     since: np.ndarray
     early: np.ndarray
     rising: np.ndarray
-    _unmet: dict[tuple[int, int, bool], dict[int, np.ndarray]] = field(default_factory=dict)
+    _unmet: dict[tuple[int, int, bytes], dict[int, np.ndarray]] = field(default_factory=dict)
 
     @property
     def trace(self) -> Trace:
@@ -173,7 +173,7 @@ class _Understood:
 
     def _completed(self, responder: int, row: int, of: np.ndarray) -> dict[int, np.ndarray]:
         """What an explanation must say of contexts that were never met at these moments, float (STATES,) by context."""
-        if (key := (responder, row, bool(of[-1]))) not in self._unmet:
+        if (key := (responder, row, of.tobytes())) not in self._unmet:
             trace, inputs = self.trace, np.flatnonzero(self.found.inputs[row])
             sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)])[inputs]
             contexts, shown = self.found.contexts[of, row], trace.responders[:, responder]

@@ -145,7 +145,7 @@ class PaperLearner(Learner):
         resident: read all of them now, and keep them where the network is: a GPU does not wait for batches then.
     """
 
-    name = "paper"
+    name, leaves_out = "paper", True
     network: Network
 
     def __init__(

@@ -91,11 +91,11 @@ def _edges(result: dict[str, Any]) -> "Table":
     table = _table(
         f"{_origin(result)}: relations of {counted(result['boards'], 'board')}, first "
         f"{images}, actions by {result['policy'] or 'nobody'}{oracle}",
-        ("Edge-P", "Edge-R", "Edge-Acc", "ECE", "Brier"),
+        ("Edge-P", "Edge-R", "Edge-Acc", "ECE, doubted", "Brier"),
     )
-    keys = ("edge_p", "edge_r", "edge_acc", "ece", "brier")
-    edges = ("precision", "recall", "accuracy")
-    table.add_row(result["model"], *(_percent(result[key]) for key in keys), style="bold")
+    keys, edges = ("edge_p", "edge_r", "edge_acc"), ("precision", "recall", "accuracy")
+    shares = (_percent(result[key]) for key in keys)
+    table.add_row(result["model"], *shares, _doubted(result["calibration"]), _percent(result["brier"]), style="bold")
     for name, kind in (("boards", "intervals"), ("triggers", "object_intervals")):
         table.add_row(f"  95 % over {name}", *(_span(result[kind].get(key)) for key in edges))
     table.add_row("  mean over boards", *(_percent(result["macro"][key]) for key in edges))
@@ -105,8 +105,16 @@ def _edges(result: dict[str, Any]) -> "Table":
         table.add_row(name, _percent(scores["edge_p"]), _percent(scores["edge_r"]))
     table.add_section()
     for name, scores in result["baselines"].items():
-        table.add_row(name, *(_percent(scores[key]) for key in keys))
+        table.add_row(name, *(_percent(scores[key]) for key in keys), "", _percent(scores["brier"]))
     return table
+
+
+def _doubted(told: dict[str, Any]) -> str:
+    """The calibration error over what is doubted, with the number of pairs; of few of them nothing is said."""
+    from busybot.evaluation.statistics import LEAST_PAIRS
+
+    pairs = told["pairs_uncertain"]
+    return f"{_percent(told['ece_uncertain'] if pairs >= LEAST_PAIRS else None)} ({pairs})"
 
 
 def _parents(result: dict[str, Any]) -> "Table":

@@ -19,7 +19,7 @@ What the paper leaves open, and what is chosen here (see also `config`):
 - Edges of the type "no relation" carry no messages in the dynamics network.
 - Training draws edge types with Gumbel-softmax noise; otherwise an edge's types are their probabilities.
 - What follows the last observed frame is not known to the inference network: zeros, as where nothing is acted on.
-- Networks begin with torch's default weights.
+- Networks begin with torch's default weights, but for the layers that embed actions (`learner.make_network`).
 
 Without inference (the paper's ablation) all that was seen goes into predicting the next state. What is chosen there:
 the spatial graph network embeds the observed frames and the one that the action changes, which comes last; the

@@ -5,7 +5,8 @@
 Every command resumes, so this one does: run it again with the same FOLDER after any interruption. A row appears in the
 result as soon as both novel splits are judged. All rows propose ten actions on each of the same boards; every trained
 row had the same number of boards, actions and iterations. Boards have an appearance each (`--group-size 1`). Time and
-memory of a training are noted if nothing interrupted it. Rows are compared with the one whose model they judge
+memory of a training are noted if nothing interrupted it. A row whose folder in FOLDER is a model already, as
+`benchmarks.gpu.unpack` leaves one, is judged as it is. Rows are compared with the one whose model they judge
 otherwise, or with `free-0`, board by board, if that was judged before (`compared`).
 """
 
@@ -21,8 +22,10 @@ from busybot.common.rng import generator
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.results import commit
 from busybot.evaluation.statistics import compare_boards
+from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
 from busybot.sim.scene.real_camera import REAL
+from busybot.training.model_cards import INFO_FILE, read_info
 
 SPLITS = ("novel-config", "novel-object")
 JUDGE_SEED = 707
@@ -96,7 +99,9 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     commands: list[tuple[str, ...]] = []
     trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model in ("random", DEFAULT_MODEL) else str(work / (row.model or name))
-    if row.train is not None:
+    if row.train is not None and (Path(model) / INFO_FILE).exists():  # trained elsewhere, perhaps not to the end
+        trained = {**read_info(Path(model), AffordanceInfo).training, "cost": None}
+    elif row.train is not None:
         config = runner.option("--config", arguments.config)
         options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train, *config)
         commands.append(("train", "interact", "--out", model, *options))

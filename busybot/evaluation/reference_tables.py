@@ -87,7 +87,8 @@ INTERACTION = Table(
         ReferenceRow("without-responders-1000", "without responders, threshold 1000", "ablation", "without responders"),
         ReferenceRow("greedy", "without exploration: always the highest affordance", "ablation", "without exploration"),
         ReferenceRow("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
-        ReferenceRow("paper", "the paper's networks, on its schedule", "competitor", "BusyBot"),
+        ReferenceRow("paper", "the paper's networks", "competitor", "BusyBot"),
+        ReferenceRow("paper-greedy", "the paper's networks, without exploration", "competitor", "without exploration"),
         ReferenceRow("random", "random elevated pixels and directions", "trivial"),
     ),
     paper={

@@ -16,6 +16,7 @@ from busybot.common.errors import BusybotError, UsageError
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
 from busybot.evaluation.results import code_digest, read_result, stamp, write_result
+from busybot.interact.policy.config import AffordanceInfo
 
 
 def scores(**values: float | None) -> dict[str, Any]:
@@ -246,8 +247,10 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         return told
 
     monkeypatch.setattr(runner, "busybot", answer)
-    (tmp_path / "w").mkdir()
-    out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000,shipped"
+    (tmp_path / "w" / "paper").mkdir(parents=True)
+    half = AffordanceInfo(variant="paper", inputs="depth", prior=0.5, training={"epochs": 20, "schedule": 40})
+    (tmp_path / "w" / "paper" / "model.json").write_text(half.model_dump_json())
+    out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000,shipped,paper,paper-greedy"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
     table1.main()
     told = json.loads(out.read_text())["rows"]
@@ -267,8 +270,11 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert told["free-1"]["novel-config"]["compared"]["recall"]["p"] == 1
     trained = [command for command in asked if command[0] == "train"][1:]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
-    further = {*table1.ON_REQUEST} - {"paper"}
-    assert {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - further and "paper" in table1.ON_REQUEST
+    assert told["paper"]["training"] == {"epochs": 20, "schedule": 40, "cost": None}, "a model is judged as it is"
+    assert told["paper-greedy"]["commands"][1].endswith("--model WORK/paper --mode greedy")
+    papers = {"paper", "paper-greedy"}
+    further = {*table1.ON_REQUEST} - papers
+    assert {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - further and papers < {*table1.ON_REQUEST}
 
 
 def test_a_result_tells_of_rows_that_came_one_after_the_other_who_made_which(tmp_path: Path) -> None:

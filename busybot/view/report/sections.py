@@ -75,7 +75,7 @@ def table_grid(table: Table, rows: dict[str, RowFound], beside: bool = True) -> 
         shown = [row for row in table.rows if row.role in roles and (beside or row.name in rows)]
         lines += [(words, ()), *((row.words, _entries(table, row, rows.get(row.name), beside)) for row in shown)]
     if beside:
-        if table is REASONING:
+        if table.skill == REASONING.skill:
             lines.append(("what the recordings determine", _bounds(table, rows)))
         lines.append(("asked of us", ()))
         for kind, values in (("gate", table.gates), ("aim", table.aims)):

@@ -396,7 +396,7 @@ def test_a_training_of_the_papers_networks_tells_of_all_its_rounds_together(tmp_
     file = write(tmp_path / "t.json", {"kind": "table1", "rows": {"paper": row}})
     text = write_report([file], tmp_path / "out").markdown.read_text()
     assert f"- training: seed 0, content of its data `{'ab' * 8}`\n" in text
-    assert "| Table 1, the paper's networks, on its schedule | 1.0 | - |" in text
+    assert "| Table 1, the paper's networks | 1.0 | - |" in text
 
 
 def test_rows_with_the_same_commands_name_them_once(tmp_path: Path) -> None:

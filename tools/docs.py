@@ -50,6 +50,7 @@ PAGES: dict[str, dict[str, Part]] = {
         "changed-pixels": tables.changed_pixels,
         "policy-constants": tables.policy_constants,
         "interact-speed": speed_tables.interact_speed,
+        "table1-paper": tables.table1_paper,
         "paper-interact-speed": speed_tables.paper_interact_speed,
     },
     "docs/results/scale.md": {

@@ -1,7 +1,7 @@
 """Tables of the documentation, from the files in benchmarks/results."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,9 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import INTERACTION, NOVEL, PLANNING, REASONING, TABLES, ReferenceRow, Table
 from busybot.evaluation.results import read_result
 from busybot.evaluation.statistics import binomial_interval, widest
+from busybot.interact.training.config import PaperConfig
 from busybot.view.report.gates import judge
-from busybot.view.report.page import Text, markdown, number, plain_grid, reference, spread
+from busybot.view.report.page import Grid, Text, markdown, number, plain_grid, reference, spread
 from busybot.view.report.results import INTERVALS, Results, RowFound, Score, read_results, rows_of
 from busybot.view.report.sections import table_grid
 
@@ -95,7 +96,33 @@ def _short(line: Line, rows: dict[str, RowFound], split: str) -> tuple[str, str,
 def table1() -> str:
     """Table 1, and what its trainings took."""
     found, rows = _table(1)
-    return markdown([table_grid(INTERACTION, rows), Text(trained_in(rows.values(), found.about[1]["machine"]))])
+    grid = _completed(INTERACTION, rows, "table1-paper", "[a short training](#the-papers-networks)")
+    return markdown([grid, Text(trained_in(rows.values(), found.about[1]["machine"]))])
+
+
+def _completed(table: Table, rows: dict[str, RowFound], name: str, words: str) -> Grid:
+    """A table with the rows of another result among them, each with so many words more."""
+    others = rows_of(table.number, result(name)["rows"])
+    lines = [replace(row, words=f"{row.words}, {words}") if row.name in others else row for row in table.rows]
+    return table_grid(replace(table, rows=tuple(lines)), others | rows)
+
+
+def table1_paper() -> str:
+    """The paper's interaction networks as far as they were trained, beside the paper's own, and what that took."""
+    told = result("table1-paper")["rows"]
+    words = {row.name: row.words for row in INTERACTION.rows}
+    places = [*product(NOVEL, INTERACTION.keys)]
+    lines = [(words[name], [cell(row.cells[place]) for place in places]) for name, row in rows_of(1, told).items()]
+    lines += [the_papers(INTERACTION, name, places) for name in ("without exploration", "BusyBot")]
+    heads = [f"{objects}: {INTERACTION.keys[key]}" for objects, key in product(NOVEL.values(), INTERACTION.keys)]
+    training, boards = told["paper"]["training"], told["paper"]["novel-config"]["boards"]
+    share = training["config"]["epochs"] / PaperConfig().epochs
+    took = (
+        f"{training['epochs']} of {training['schedule']} epochs of {percent(share)} % of the schedule took "
+        f"{training['minutes']:.0f} minutes of {training['machine']['cores']} cores; "
+        f"judged on {boards} boards of each set."
+    )
+    return markdown([plain_grid(heads, lines, "percent"), Text(took)])
 
 
 def new_switches() -> str:
@@ -146,7 +173,8 @@ def exact(share: float, interval: Sequence[float], trials: int) -> Sequence[floa
 def table2() -> str:
     """Table 2, and what our trainings took."""
     found, rows = _table(2)
-    return markdown([table_grid(REASONING, rows), Text(trained_in([rows["event"]], found.about[2]["machine"]))])
+    grid = _completed(REASONING, rows, "table2-gpu", "[on a GPU](#on-a-gpu)")
+    return markdown([grid, Text(trained_in([rows["event"]], found.about[2]["machine"]))])
 
 
 def table2_gpu() -> str:

@@ -2,9 +2,13 @@
 `objects` (docs/extending/template). A package is loaded when it is named, mechanisms also when all are listed.
 """
 
+import hashlib
+from collections.abc import Iterable
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, Literal
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, get_args
 
 from busybot.common.errors import BusybotError
 
@@ -55,6 +59,32 @@ def make(kind: Kind, name: str, *arguments: Any) -> Any:
     except Exception as error:
         what = f"{where(kind, name)} cannot be made: {type(error).__name__}: {error}"
         raise BusybotError(what, HINT) from error
+
+
+def packages() -> dict[str, str]:
+    """Installed packages that bring something: their version, and a digest of the sources of the modules that they
+    name, by their name. What was computed with one may differ from what is computed with another."""
+    points = [point for kind in get_args(Kind) for several in _points(kind).values() for point in several]
+    modules: dict[tuple[str, str], set[str]] = {}
+    for point in points:
+        if point.dist is not None:
+            modules.setdefault((point.dist.name, point.dist.version), set()).add(point.module.partition(".")[0])
+    return {name: f"{version}, sha256 {_digest(found)}" for (name, version), found in sorted(modules.items())}
+
+
+def _digest(modules: Iterable[str]) -> str:
+    """Of all sources of top-level modules; of one that is not there, of its name."""
+    digest = hashlib.sha256()
+    for module in sorted(modules):
+        spec = find_spec(module)
+        folders = list(spec.submodule_search_locations or ()) if spec else []
+        files = [file for folder in folders for file in Path(folder).rglob("*.py")]
+        if spec and not folders and spec.origin and Path(spec.origin).is_file():
+            files = [Path(spec.origin)]
+        digest.update(module.encode())
+        for file in sorted(files):
+            digest.update(hashlib.sha256(file.read_bytes()).digest())
+    return digest.hexdigest()
 
 
 @cache

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot import __version__
+from busybot.common import plugins
 from busybot.common.atomic_io import read_json, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.common.process_pool import machine
@@ -163,8 +164,9 @@ def read_result(path: Path, kind: str | None = None) -> dict[str, Any]:
 
 
 def package_versions(packages: tuple[str, ...] = PACKAGES) -> dict[str, str]:
-    """Of busybot, its `code` as of `code_digest`, Python and packages; those that are not installed are left out."""
-    found = {"busybot": __version__, "code": code_digest(), "python": platform.python_version()}
+    """Of busybot, its `code` as of `code_digest`, Python and packages, also those that bring something of their own;
+    those that are not installed are left out."""
+    found = {"busybot": __version__, "code": code_digest(), "python": platform.python_version(), **plugins.packages()}
     for name in packages:
         try:
             found[name] = version(name)

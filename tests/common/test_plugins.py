@@ -8,6 +8,7 @@ import pytest
 
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
+from busybot.evaluation.results import package_versions
 from busybot.objects.resolve import find
 from busybot.plan.agents.registry import kind_of
 from busybot.reason.encoders.registry import make_extractor
@@ -89,3 +90,25 @@ def test_an_installed_package_is_named(registered: list[EntryPoint], tmp_path: P
     with pytest.raises(BusybotError, match=r"cannot be loaded") as error:
         reasoner_of("absent")
     assert "(package strangers-switches)" in error.value.what
+
+
+def test_versions_tell_which_code_packages_brought(
+    registered: list[EntryPoint], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever module of a package changes: evaluations that others' code began are not continued."""
+    (tmp_path / "stranger").mkdir()
+    for name in ("stranger/__init__.py", "stranger/inner.py", "alone_of_stranger.py"):
+        (tmp_path / name).write_text("")
+    folder = tmp_path / "stranger-2.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 2.0\n")
+    lines = "[busybot.agents]\na = stranger.inner:A\nb = alone_of_stranger:B\n[busybot.reasoners]\nc = not_there:C\n"
+    (folder / "entry_points.txt").write_text(lines)
+    registered += Distribution.at(folder).entry_points
+    monkeypatch.syspath_prepend(tmp_path)
+    told = {package_versions()["stranger"]}
+    assert told == {package_versions()["stranger"]} and min(told).startswith("2.0, sha256 ")
+    for name in ("stranger/inner.py", "alone_of_stranger.py"):
+        (tmp_path / name).write_text("changed = True")
+        told.add(package_versions()["stranger"])
+    assert len(told) == 3

@@ -1,7 +1,8 @@
 """Explores the boards of tasks datasets: every state that up to eight actions lead to, and what each choice does.
 
-One departure from how agents are measured: candidates of a state are those that the interaction model proposes after
-the recorded history, whatever was tried since in the rollout.
+Two departures from how agents are measured: candidates of a state are those that the interaction model proposes after
+the recorded history, whatever was tried since in the rollout; and a choice worked if a link changed its state, not if
+enough pixels did, so that no picture is drawn for each.
 """
 
 import time

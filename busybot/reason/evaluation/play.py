@@ -1,6 +1,7 @@
 """Lets a program play the boards of a dataset as text (`text_game`) and measures the graphs that it claims."""
 
 import shlex
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,7 +90,8 @@ def play_boards(
             what = f"{dataset.path}: nobody knows the relations of board {board.index}: nothing can be judged"
             raise BusybotError(what, "use boards that `busybot generate` made")
     hashes = dataset.hashes()
-    files = {word: sha256_of(Path(word)) for word in games.agent if Path(word).is_file()}
+    places = {word: Path(word) for word in games.agent} | {games.agent[0]: Path(shutil.which(games.agent[0]) or "")}
+    files = {word: sha256_of(place) for word, place in places.items() if place.is_file()}
     settings = {
         "agent": shlex.join(games.agent),
         "agent_files": files,

@@ -163,7 +163,8 @@ def _warn_of(dataset: "Dataset", results: dict[str, dict[str, Any]]) -> None:
 
     for name, result in results.items():
         if result["trained_on_dataset"]:
-            warn(f"{name} was trained on these very boards: what it is worth, others tell")
+            what = f"{name} was trained on these very boards, or on others of their drawing"
+            warn(f"{what}: what it is worth, boards of another seed tell")
     if nothing_moved(dataset):
         again = "record another dataset with busybot collect --policy learned"
         warn(f"no recorded action moved anything, so nothing shows what controls what; {again}")

@@ -21,7 +21,7 @@ from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import collect_command
+from busybot.datasets.info import IMPORTED, collect_command
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.judgements import log_judgement
@@ -64,6 +64,8 @@ IMAGES = 23
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 """Numbers of observed images after which predictions are judged, beside the number asked for."""
 
+DRAWN = ("seed", "split", "assets")
+"""What says from where boards were drawn."""
 BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
 
@@ -403,7 +405,7 @@ def _result(
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
         "encoder": _encoder_of(judging),
         "dataset": sets[0],
-        "trained_on_dataset": _trained_on(judging, sets[0]["board_hash"]),
+        "trained_on_dataset": _trained_on(judging, sets[0]),
         "decoders": sets[1] if len(sets) > 1 else None,
     }
 
@@ -434,12 +436,17 @@ def _check(judging: ReasonEvaluation, training: Dataset | None) -> None:
         )
 
 
-def _trained_on(judging: ReasonEvaluation, board_hash: str) -> bool:
-    """Whether the model's card names the boards with this hash among those that it was trained on."""
+def _trained_on(judging: ReasonEvaluation, judged: dict[str, Any]) -> bool:
+    """Whether the model's card names these boards among those that it was trained on, or more or fewer of one drawing:
+    a dataset that grows keeps its boards."""
     if judging.given is not None or not _is_trained(judging.model):
         return False
     card = read_info(find_folder(judging.model, "reason"), ReasonerInfo)
-    return any(one.get("board_hash") == board_hash for one in card.training.get("data", []))
+    drawn = (*(judged[key] for key in DRAWN),) if judged["split"] != IMPORTED else None
+    return any(
+        one.get("board_hash") == judged["board_hash"] or (*(one.get(key) for key in DRAWN),) == drawn
+        for one in card.training.get("data", [])
+    )
 
 
 def _is_trained(model: str) -> bool:
@@ -464,6 +471,8 @@ def origin(dataset: Dataset) -> dict[str, Any]:
     return {
         "name": dataset.info.name,
         "split": dataset.info.split,
+        "seed": dataset.info.seed,
+        "assets": dataset.info.assets.name,
         "boards": dataset.info.boards,
         "episodes": len(dataset.finished()),
         "board_hash": hashes.board,

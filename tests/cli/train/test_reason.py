@@ -39,8 +39,9 @@ def arguments(out: Path, *data: Path) -> list[str]:
 
 def test_a_model_judged_on_the_boards_that_it_was_trained_on_is_told_of(tmp_path: Path, data: Path) -> None:
     assert run(*arguments(tmp_path / "run", data)).exit_code == 0
-    other = make_dataset(tmp_path / "other", boards=2, finished=[0]).path
-    for place, same in ((data, True), (other, False)):
+    fewer = make_dataset(tmp_path / "fewer", boards=2, finished=[0]).path
+    other = make_dataset(tmp_path / "other", boards=2, finished=[0], split="novel-object").path
+    for place, same in ((data, True), (fewer, True), (other, False)):
         judging = ("--reasoner", str(tmp_path / "run"), "--images", "4", "--no-what-if", "--workers", "1", "--json")
         done = run("eval", "reason", str(place), *judging)
         assert done.exit_code == 0 and json.loads(done.stdout)["trained_on_dataset"] is same
@@ -49,10 +50,7 @@ def test_a_model_judged_on_the_boards_that_it_was_trained_on_is_told_of(tmp_path
 
 def test_boards_that_are_there_to_judge_are_named(tmp_path: Path, data: Path) -> None:
     assert "cannot be judged" not in run(*arguments(tmp_path / "run", data)).stderr
-    info = json.loads((data / "dataset.json").read_text())
-    info["split"] = info["generator"]["config"]["split"] = "novel-object"
-    (data / "dataset.json").write_text(json.dumps(info))
-    done = run(*arguments(tmp_path / "other", data))
+    done = run(*arguments(tmp_path / "other", make_dataset(tmp_path / "novel", split="novel-object").path))
     assert "novel-object; the model cannot be judged on that split honestly" in done.stderr
 
 

@@ -26,11 +26,13 @@ def report(
         ),
     ] = None,
     reasoner: Annotated[
-        str,
+        str | None,
         typer.Option(
-            help="With --episode: who infers relations, as in `eval reason`.", autocompletion=offering(reasoners)
+            help="With --episode: who infers relations, as in `eval reason`.",
+            autocompletion=offering(reasoners),
+            show_default="count",
         ),
-    ] = "count",
+    ] = None,
     device: DeviceOption = "auto",
     json: JsonOption = False,
 ) -> None:
@@ -40,9 +42,10 @@ def report(
     """
     from busybot.view.report.report import Shown, write_report
 
-    if model is not None and episode is None:
-        raise UsageError(f"--model {model} is about an episode", "name one with --episode, or leave it out")
-    shown = None if episode is None else Shown(episode, model, reasoner)
+    for option, name in (("--model", model), ("--reasoner", reasoner)):
+        if name is not None and episode is None:
+            raise UsageError(f"{option} {name} is about an episode", "name one with --episode, or leave it out")
+    shown = None if episode is None else Shown(episode, model, reasoner or "count")
     done = write_report(results, out, shown)
     gates = {"reached": done.count(True), "missed": done.count(False), "not_measured": done.count(None)}
     if json:

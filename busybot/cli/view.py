@@ -54,6 +54,8 @@ def view(
 
     if step is not None and not screenshot and (save or web or figure):
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
+    if assets is not None and not replay:
+        raise typer.BadParameter("it needs --replay", param_hint="--assets")
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
     wanted = ViewRequest(save, screenshot, figure, step, web, model, objects, reasoner)
     before = signal.signal(signal.SIGTERM, _interrupt)

@@ -94,6 +94,20 @@ def test_every_command_can_be_quiet() -> None:
             assert [parameter.name for parameter in one.params].count("quiet") == 1
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("report", "datasets/tiny", "--out", "o", "--reasoner", "lookup"), "--reasoner lookup is about an episode"),
+        (("report", "datasets/tiny", "--out", "o", "--model", "procedural"), "--model procedural is about an episode"),
+        (("view", "datasets/tiny", "--assets", "procedural"), "it needs --replay"),
+        (("dataset", "export", "datasets/tiny", "--out", "o", "--to", "images", "--assets", "a"), "leave --assets out"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(words: tuple[str, ...], told: str) -> None:
+    result = invoke(*words)
+    assert result.exit_code == 2 and told in " ".join(result.stderr.split())
+
+
 OLD_NAMES = [(words, old, new) for words, names in RENAMED.items() for old, new in names.items()]
 
 

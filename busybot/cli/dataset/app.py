@@ -237,6 +237,8 @@ def export(
     from busybot.datasets.exporting.folder import unfinished_place
     from busybot.datasets.exporting.targets import export_recordings
 
+    if assets is not None and to != "causal":
+        raise UsageError(f"--to {to} tells what was recorded, for which no objects are needed", "leave --assets out")
     source = Dataset.open(dataset)
     with episode_progress("exporting") as progress:
         if to == "causal":

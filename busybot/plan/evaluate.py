@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from busybot.boards.task import MAX_STEPS, shortest_plan, start_states, task_of
+from busybot.boards.task import shortest_plan, start_states, task_of
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
@@ -98,7 +98,7 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
     loaded, model = reasoner_of(evaluation.reasoner), load_once(evaluation.policy_model)
     policy = candidates_config(model.info, config.learned)
     simulator = Simulator(evaluation.library, config.render)
-    player = RolloutRunner(simulator, loaded, model, policy, config.interaction, evaluation.seed)
+    player = RolloutRunner(simulator, loaded, model, policy, config.interaction, evaluation.seed, config.steps)
     stored = {agent: Dataset.open(record / name_of(agent)) for agent in evaluation.agents} if record else {}
 
     def work(index: int) -> m.JudgedTask:
@@ -192,7 +192,7 @@ def _settings(evaluation: PlanEvaluation) -> dict[str, Any]:
     return {
         "names": [name_of(agent) for agent in agents],
         "oracles": [agent for agent in agents if kind_of(agent).oracle],
-        "steps": MAX_STEPS,
+        "steps": config.steps,
         "reasoner": reasoner_of(evaluation.reasoner).name,
         "provenance": {
             "reasoner": _provenance(evaluation.reasoner, "reason"),

@@ -48,10 +48,12 @@ class PlanConfig(FrozenModel):
 
     Attributes:
         boards: only so many tasks, the first ones; None for all.
+        steps: so many actions an agent may take at most; goals are drawn so that `boards.task.MAX_STEPS` suffice.
         learned: constants of the interaction policy that take precedence over those on the model's card.
     """
 
     boards: Annotated[int, Field(ge=1)] | None = None
+    steps: Annotated[int, Field(ge=1, le=1000)] = MAX_STEPS
     learned: dict[str, Any] = {}
     interaction: InteractionConfig = InteractionConfig()
     render: RenderConfig = RenderConfig()
@@ -107,6 +109,7 @@ class RolloutRunner:
         model: action candidates.
         policy: constants of the candidates.
         seed: of the agents' draws.
+        steps: as of `PlanConfig`.
     """
 
     def __init__(
@@ -117,11 +120,12 @@ class RolloutRunner:
         policy: PolicyConfig | None = None,
         interaction: InteractionConfig | None = None,
         seed: int = 0,
+        steps: int = MAX_STEPS,
     ):
         self._simulator, self._reasoner, self._model = simulator, reasoner, model
         self._config, self._interaction = policy or PolicyConfig(), interaction or InteractionConfig()
         self._extractor = make_extractor(reasoner.encoder)
-        self._seed = seed
+        self._seed, self._steps = seed, steps
 
     def prepare(self, history: Episode, features: np.ndarray | None = None) -> PreparedTask:
         """Read a history.
@@ -145,7 +149,7 @@ class RolloutRunner:
             worked=np.array([step.executed[-1] if step.reward else -1 for step in history.steps], int),
             goal=OnlineFeatures(observed, self._extractor).see(goal),
             threshold=threshold_of(self._reasoner.encoder, known.features),
-            steps=MAX_STEPS,
+            steps=self._steps,
         )
         memory = memory_of(history, self._model, rays, self._config)
         edges = self._reasoner.graph(known).claimed(known.steps)
@@ -164,7 +168,7 @@ class RolloutRunner:
         kind, name = (kind_of(agent), name_of(agent)) if isinstance(agent, str) else (AgentSpec(agent), None)
         seat = (_OracleSeat if kind.oracle else _Seat)(lambda scene: self._policy(task, kind, name, scene))
         board = task.history.board
-        episode = record_episode(self._simulator, board, seat, MAX_STEPS, self._interaction, self._seed)
+        episode = record_episode(self._simulator, board, seat, self._steps, self._interaction, self._seed)
         policy = seat.policy
         assert policy is not None
         episode.settings |= notes(policy.decisions)

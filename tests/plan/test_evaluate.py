@@ -237,6 +237,13 @@ def test_causes_of_failures(player: RolloutRunner, task: PreparedTask) -> None:
     }  # fmt: skip
 
 
+def test_an_agent_may_take_as_many_actions_as_the_measurement_says(simulator: Simulator, task: PreparedTask) -> None:
+    for steps in (3, 11):
+        player = RolloutRunner(simulator, Lookup(), load_once(MODEL), steps=steps)
+        prepared = player.prepare(task.history)
+        assert prepared.briefing.steps == steps == player.play(prepared, Stubborn).judged.steps
+
+
 def test_a_missing_relation_is_told(simulator: Simulator, task: PreparedTask) -> None:
     blind = RolloutRunner(simulator, Persistence(), load_once(MODEL))
     prepared = blind.prepare(task.history)

@@ -26,6 +26,9 @@ def test_from_nothing_to_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert values["success"]["oracle"] == 1.0 and values["success"]["noop"] < 1
     assert values["command"].startswith("busybot eval plan") and values["tasks"] == 1
     assert json.loads((tmp_path / "out" / "result.json").read_text())["success"] == values["success"]
+    assert (values["steps"], values["config"]["steps"]) == (8, 8)
+    fewer = json.loads(run("eval", "plan", data, "--agents", "oracle", "--set", "steps=1", "--json").stdout)
+    assert fewer["steps"] == 1 == fewer["agents"]["oracle"]["steps"]
     printing.planning(values)
     shown = capsys.readouterr().out
     assert "oracle*" in shown and "noop missed because of not tried" in shown

@@ -9,7 +9,8 @@
         --history curious --policy FOLDER --out benchmarks/results/lock-plans-curious.json
 
 For each world boards of the training split with a task (seed 829, which nothing was trained on) are made, the scripted
-policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps:
+policy records 30 actions on each (an oracle of contacts), and agents play from the start, at most eight steps
+(`--actions`; all tasks can be done in eight):
 `mechanism` with MODEL, a trained model of that variant; `search`, the paper's three agents, `random`, `noop` and
 `oracle` with what ships with busybot. No test split is looked at. Every command resumes, so this one does. Learned
 agents (`--learned`) play where they can practise: in `gates` and `lock`, whose boards show what their links say.
@@ -43,6 +44,7 @@ from benchmarks.runner import (
     told_rows,
 )
 from benchmarks.tables.table3 import folders_of, training
+from busybot.boards.task import MAX_STEPS
 from busybot.boards.worlds import WORLDS
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
@@ -75,7 +77,9 @@ def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     seeing = ("--policy", options.history, *option("--model", options.policy))
     seeing += ("--reasoner", str(options.model)) if options.history == "curious" else ()
     drawn = generating(tasks, "train", options.boards, SEED, options.assets)
-    playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *assets)
+    more = () if options.actions == MAX_STEPS else settings(f"steps={options.actions}")
+    playing = ("eval", "plan", str(tasks), "--policy-model", "procedural", *more, *assets)
+    played = f"{tasks}-{options.actions}-actions" if more else str(tasks)
     players: list[tuple[str, str, tuple[str, ...]]] = [
         ("mechanism", "mechanism", ("--reasoner", str(options.model))),
         ("others", ",".join(AGENTS), ("--reasoner", DEFAULT_REASONER)),
@@ -84,7 +88,7 @@ def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
     return [
         (*drawn, "--world", "lock" if name in LOCKS else name, "--tasks", "reach", *LOCKS.get(name, ())),
         ("collect", str(tasks), *seeing, "--steps", str(options.steps), "--seed", str(SEED), *assets),
-        *((*playing, "--agents", agents, *reasoner, "--out", f"{tasks}-{who}") for who, agents, reasoner in players),
+        *((*playing, "--agents", agents, *reasoner, "--out", f"{played}-{who}") for who, agents, reasoner in players),
     ]
 
 
@@ -93,8 +97,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     options.work.mkdir(parents=True, exist_ok=True)
     rows, typed = told_rows(options.out, KIND), []
     told_before = read_json(options.out) if options.out.exists() else {}
-    if told_before and _histories(told_before) != (options.history, options.steps):
-        raise UsageError(f"{options.out}: its histories are of another policy or length", "name another file")
+    if told_before and _way(told_before) != (options.history, options.steps, options.actions):
+        raise UsageError(f"{options.out}: it has other histories, or other numbers of actions", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
     names |= {str(seed): seed.name.upper() for seed in options.seeds}
@@ -119,14 +123,15 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             "assets": assets_name(options.assets),
             "history": options.history,
             "steps": options.steps,
+            "actions": options.actions,
             "commands": typed,
             "rows": {one: rows[one] for one in NAMES if one in rows},
         }
 
 
-def _histories(told: dict[str, Any]) -> tuple[str, int]:
-    """Who recorded, and how many actions; older results do not tell it."""
-    return told.get("history", "scripted"), told.get("steps", STEPS)
+def _way(told: dict[str, Any]) -> tuple[str, int, int]:
+    """Who recorded, how many actions, and how many agents may take; older results do not tell it."""
+    return told.get("history", "scripted"), told.get("steps", STEPS), told.get("actions", MAX_STEPS)
 
 
 def seeded(playing: tuple[str, ...], seeds: list[Path]) -> dict[str, tuple[str, ...]]:
@@ -173,6 +178,7 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
     )
     options.add_argument("--policy", help="interaction model of whoever records; the shipped one by default")
     options.add_argument("--steps", type=int, default=STEPS, help="recorded actions on each board")
+    options.add_argument("--actions", type=int, default=MAX_STEPS, help="that an agent may take at most")
     options.add_argument("--boards", type=int, default=40, help="tasks of each world")
     options.add_argument("--learned", nargs="*", default=[], help="learned agents, as bc=FOLDER")
     options.add_argument("--seeds", nargs="*", type=Path, default=[], help="the variant trained from other seeds")

@@ -12,7 +12,7 @@ from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
 
 OPTIONS = {
     "work": Path("w"), "history": "scripted", "steps": STEPS, "policy": None, "assets": "procedural", "boards": 1,
-    "model": "mechanism", "learned": ["bc=b", "ppo=p"],
+    "model": "mechanism", "learned": ["bc=b", "ppo=p"], "actions": 8,
 }  # fmt: skip
 
 
@@ -33,9 +33,17 @@ def test_longer_histories_lie_in_folders_of_their_own_and_in_a_result_of_their_o
     assert collect[:2] == ("collect", "w/lock-scripted-60") and collect[collect.index("--steps") + 1] == "60"
     out = tmp_path / "result.json"
     out.write_text('{"kind": "world-plans", "history": "scripted", "rows": {}}')
-    words = ["--model", "m", "--work", str(tmp_path), "--assets", "procedural", "--out", str(out), "--steps", "60"]
-    with pytest.raises(UsageError, match="of another policy or length"):
-        next(measured(parsed(words)))
+    words = ["--model", "m", "--work", str(tmp_path), "--assets", "procedural", "--out", str(out)]
+    for other in ("--steps", "--actions"):
+        with pytest.raises(UsageError, match="it has other histories, or other numbers of actions"):
+            next(measured(parsed([*words, other, "60"])))
+
+
+def test_who_may_take_more_actions_plays_with_the_same_histories_into_folders_of_their_own() -> None:
+    usual, more = (commands("lock", Namespace(**OPTIONS | {"actions": actions})) for actions in (8, 12))
+    assert usual[:2] == more[:2] and "steps=8" not in usual[2]
+    assert more[2][more[2].index("steps=12") - 1] == "--set"
+    assert (usual[2][-1], more[2][-1]) == ("w/lock-scripted-mechanism", "w/lock-scripted-12-actions-mechanism")
 
 
 def test_other_trainings_play_the_same_tasks_into_folders_of_their_own() -> None:

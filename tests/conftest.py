@@ -130,7 +130,7 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[EntryPoint]]:
     from busybot.reason.encoders.registry import make_extractor
 
     def forget() -> None:
-        for remembered in (available, plugins.load, plugins._points, make_extractor):
+        for remembered in (available, plugins.load, plugins.packages, plugins._points, make_extractor):
             remembered.cache_clear()  # type: ignore[attr-defined]
 
     points: list[EntryPoint] = []

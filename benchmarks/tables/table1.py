@@ -100,7 +100,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model in ("random", DEFAULT_MODEL) else str(work / (row.model or name))
     if row.train is not None and (Path(model) / INFO_FILE).exists():  # trained elsewhere, perhaps not to the end
-        trained = {**read_info(Path(model), AffordanceInfo).training, "cost": None}
+        trained = {**_card_of(row, Path(model)), "cost": None}
     elif row.train is not None:
         config = runner.option("--config", arguments.config)
         options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train, *config)
@@ -126,6 +126,22 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         policy = judged_policy(result["provenance"])
     typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
+
+
+def _card_of(row: Table1Row, model: Path) -> dict[str, Any]:
+    """What the card of a model that was trained elsewhere says of its training.
+
+    Raises:
+        BusybotError: it is no training of this row.
+    """
+    info = read_info(model, AffordanceInfo)
+    options = row.train or ()
+    rgb, joints = "inputs=rgb" in options, "interaction.reward=joints" in options
+    rewards = info.training.get("config", {}).get("interaction", {}).get("reward")
+    asked = ("paper" if options[:2] == PAPER else "fast", "rgb" if rgb else "depth", row.seed, joints)
+    if (info.variant, info.inputs, info.training.get("seed"), rewards == "joints") != asked:
+        raise BusybotError(f"{model}: it was trained otherwise than this row is", "name another --work")
+    return info.training
 
 
 def _judged(arguments: argparse.Namespace, name: str, split: str) -> Path:

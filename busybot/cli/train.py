@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say, warn
+from busybot.cli.common import CONTEXT, answer, episode_progress, kept_in, processes, say
 from busybot.cli.options import (
     AssetsOption,
     DeviceOption,
@@ -129,7 +129,7 @@ def reason(
     parameters = build(CONFIGS[variant], config, set_ or [], {"encoder": encoder})
     for path in data:
         if lost := kept_to_judge(Dataset.open(path)):
-            warn(lost)
+            say(lost)
     with kept_in(out):
         trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
     _tell_held_out(trained.training, parameters.loop.held_out)

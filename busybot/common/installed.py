@@ -1,7 +1,9 @@
-"""Which version of a package is installed, to be told beside what it made."""
+"""Which version of a package is installed, to be told beside what it made, and which sources."""
 
+import hashlib
 from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from busybot.common.errors import BusybotError
 
@@ -19,3 +21,13 @@ def installed_version(name: str) -> str:
         with suppress(PackageNotFoundError):
             return version(one)
     raise BusybotError(f"the package {name} is not installed", "busybot doctor")
+
+
+def source_digest(place: Path) -> str:
+    """SHA-256 of a file, or of all files below a folder with their names, but what Python compiles."""
+    digest = hashlib.sha256()
+    found = place.rglob("*") if place.is_dir() else [place]
+    for file in sorted(path for path in found if path.is_file() and "__pycache__" not in path.parts):
+        name, content = file.relative_to(place).as_posix(), hashlib.sha256(file.read_bytes()).digest()
+        digest.update(f"{name}\0".encode() + content)
+    return digest.hexdigest()

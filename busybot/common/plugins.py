@@ -2,8 +2,7 @@
 `objects` (docs/extending/template). A package is loaded when it is named, mechanisms also when all are listed.
 """
 
-import hashlib
-from collections.abc import Iterable
+import re
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from busybot.common.errors import BusybotError
+from busybot.common.installed import source_digest
 
 HINT = "repair its package or uninstall it"
 Kind = Literal["mechanisms", "encoders", "reasoners", "agents", "objects"]
@@ -61,30 +61,28 @@ def make(kind: Kind, name: str, *arguments: Any) -> Any:
         raise BusybotError(what, HINT) from error
 
 
+@cache
 def packages() -> dict[str, str]:
     """Installed packages that bring something: their version, and a digest of the sources of the modules that they
     name, by their name. What was computed with one may differ from what is computed with another."""
-    points = [point for kind in get_args(Kind) for several in _points(kind).values() for point in several]
     modules: dict[tuple[str, str], set[str]] = {}
-    for point in points:
-        if point.dist is not None:
-            modules.setdefault((point.dist.name, point.dist.version), set()).add(point.module.partition(".")[0])
-    return {name: f"{version}, sha256 {_digest(found)}" for (name, version), found in sorted(modules.items())}
+    for kind in get_args(Kind):
+        for point in (point for points in _points(kind).values() for point in points):
+            if point.dist is not None:
+                module = re.split(r"[.:]", point.value)[0]
+                modules.setdefault((point.dist.name, point.dist.version), set()).add(module)
+    digests = {package: "".join(map(_digest, sorted(found))) for package, found in sorted(modules.items())}
+    return {name: f"{version}, {digest or 'not there'}" for (name, version), digest in digests.items()}
 
 
-def _digest(modules: Iterable[str]) -> str:
-    """Of all sources of top-level modules; of one that is not there, of its name."""
-    digest = hashlib.sha256()
-    for module in sorted(modules):
+def _digest(module: str) -> str:
+    """Of the sources of a top-level module; empty if it is not there."""
+    try:
         spec = find_spec(module)
-        folders = list(spec.submodule_search_locations or ()) if spec else []
-        files = [file for folder in folders for file in Path(folder).rglob("*.py")]
-        if spec and not folders and spec.origin and Path(spec.origin).is_file():
-            files = [Path(spec.origin)]
-        digest.update(module.encode())
-        for file in sorted(files):
-            digest.update(hashlib.sha256(file.read_bytes()).digest())
-    return digest.hexdigest()
+    except (ImportError, ValueError):
+        return ""
+    places = [*(spec.submodule_search_locations or ()), *filter(None, [spec.origin])] if spec else []
+    return source_digest(Path(places[0])) if places and Path(places[0]).exists() else ""
 
 
 @cache

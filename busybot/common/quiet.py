@@ -10,7 +10,7 @@ QUIET = "BUSYBOT_QUIET"
 
 def is_quiet() -> bool:
     """Whether progress and explanations are not wanted."""
-    return bool(os.environ.get(QUIET))
+    return os.environ.get(QUIET, "0") not in ("", "0")
 
 
 def be_quiet(wanted: bool) -> None:

@@ -1,5 +1,7 @@
 """A dataset in a few numbers, from its tables: no image is decoded unless tables are behind the episodes."""
 
+import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -87,10 +89,22 @@ def origin_of(dataset: Dataset) -> dict[str, Any]:
         "split": dataset.info.split,
         "seed": dataset.info.seed,
         "assets": dataset.info.assets.name,
+        "drawing": _drawing(dataset),
         "episodes": episodes,
         "board_hash": hashes.board,
         "content_hash": hashes.content,
     }
+
+
+def _drawing(dataset: Dataset) -> str | None:
+    """SHA-256 of all that boards were drawn by but their number: a dataset that grows keeps its boards. None of
+    imported ones, which nobody drew."""
+    info = dataset.info
+    if info.split == IMPORTED:
+        return None
+    config = {key: value for key, value in info.generator.config.items() if key != "boards"}
+    told = [info.seed, info.split, info.assets.sha256, info.generator.version, config]
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 
 def _total(column: Any) -> int:

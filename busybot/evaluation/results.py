@@ -15,7 +15,6 @@ Before the figures of its kind every file has these keys; what is not known or d
 The rows of a table and what belongs to one of several evaluations have hashes, seeds and versions of their own.
 """
 
-import hashlib
 import json
 import os
 import platform
@@ -30,6 +29,7 @@ from busybot import __version__
 from busybot.common import plugins
 from busybot.common.atomic_io import read_json, write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.installed import source_digest
 from busybot.common.process_pool import machine
 
 SOURCE = Path(__file__).resolve().parents[1]
@@ -181,17 +181,14 @@ def code_digest(package: Path = SOURCE) -> str:
 
     Of a process it is that of its first call, so call it before a long work begins.
     """
-    digest = hashlib.sha256()
-    for file in sorted(path for path in package.rglob("*") if path.is_file() and "__pycache__" not in path.parts):
-        name, content = file.relative_to(package).as_posix(), hashlib.sha256(file.read_bytes()).digest()
-        digest.update(f"{name}\0".encode() + content)
-    return digest.hexdigest()
+    return source_digest(package)
 
 
 def of_this_code(told: Any) -> bool:
-    """Whether what was read from a file has `versions` with the digest of this code."""
+    """Whether what was read from a file has `versions` with the digest of this code, and of what packages bring."""
     versions = told.get("versions") if isinstance(told, dict) else None
-    return isinstance(versions, dict) and versions.get("code") == code_digest()
+    own = {"code": code_digest(), **plugins.packages()}
+    return isinstance(versions, dict) and all(versions.get(name) == digest for name, digest in own.items())
 
 
 def commit(source: Path = SOURCE) -> str | None:

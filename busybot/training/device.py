@@ -6,6 +6,7 @@ import platform
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -88,14 +89,22 @@ def keep_memory() -> None:
 
     By default it gives large blocks back to the system at once, which clears every page again when it is touched:
     for networks over whole pictures that costs more than their convolutions. In return up to twice as much memory is
-    held, for what is left between the blocks: machines with less than `KEPT_FROM` bytes do as ever.
+    held, for what is left between the blocks: where there are less than `KEPT_FROM` bytes all is as ever.
     """
     if device().type != "cpu" or platform.libc_ver()[0] != "glibc":
         return
-    if os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") >= KEPT_FROM:
+    if _memory() >= KEPT_FROM:
         c_library = ctypes.CDLL(None)
         c_library.mallopt(M_MMAP_MAX, 0)
         c_library.mallopt(M_TRIM_THRESHOLD, -1)
+
+
+def _memory() -> int:
+    """Bytes that this process may have: of the machine, or of the container that it runs in."""
+    limits = [Path("/sys/fs/cgroup", name) for name in ("memory.max", "memory/memory.limit_in_bytes")]
+    told = [file.read_text().strip() for file in limits if file.is_file()]
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return min([whole, *(int(limit) for limit in told if limit.isdigit())])
 
 
 @contextmanager

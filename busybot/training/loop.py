@@ -260,6 +260,10 @@ def fit(learner: Learner, out: Path, config: LoopConfig) -> dict[str, Any]:
     loop = Loop(learner, out, config.report, config.judge)
     loop.run(learner.name, 0, learner.iterations, judged=True, patience=config.patience)
     last = told(learner.judge())
+    if loop.progress.waited and not loop.best:
+        raise BusybotError(
+            f"{out}: no loss of {learner.name} on held-out boards was a number", "lower the learning rate"
+        )
     if loop.best:
         load_weights(learner.network, loop.best, loop.checkpoint)
     learner.conclude()

@@ -80,7 +80,8 @@ PROGRESS_SECONDS = 15.0
 class Metrics:
     """The metrics file of one network: one JSON object per line, in the order of iterations.
 
-    Lines with `loss` hold its mean since the line before, lines with `validation` the figures at a round's end.
+    Lines with `loss` hold its mean since the line before, None if none was a number, lines with `validation` the
+    figures at a round's end.
 
     Args:
         resumed: lines after this iteration are dropped: the training repeats them.
@@ -97,13 +98,15 @@ class Metrics:
         """Enter an iteration's loss and learning rate."""
         self._losses.append(loss)
         if iteration % self._every == 0 or iteration == self._until:
-            mean = sum(self._losses) / len(self._losses)
+            known = [one for one in self._losses if math.isfinite(one)]
+            mean = sum(known) / len(known) if known else None
             self._lines.append({"iteration": iteration, "loss": mean, "learning_rate": rate})
             self._losses = []
             now = time.monotonic()
             if now - self._told >= PROGRESS_SECONDS or iteration == self._until:
                 self._told, seconds = now, (now - self._began) / (iteration - self._first)
-                done = f"{iteration - self._start} of {self._until - self._start}, loss {mean:.3f}"
+                shown = "no number" if mean is None else f"{mean:.3f}"
+                done = f"{iteration - self._start} of {self._until - self._start}, loss {shown}"
                 left = f"{1e3 * seconds:.0f} ms each, {seconds * (self._until - iteration):.0f} s left"
                 self._tell(f"{done}, {left}")
 
@@ -164,7 +167,7 @@ class Panel:
 
 def losses(lines: Lines) -> Points:
     """Mean losses of what was trained on."""
-    return [(line["iteration"], line["loss"]) for line in lines if "loss" in line]
+    return [(line["iteration"], line["loss"]) for line in lines if line.get("loss") is not None]
 
 
 def judgements(lines: Lines, labels: Mapping[str, str] | None = None) -> dict[str, Points]:

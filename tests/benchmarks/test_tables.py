@@ -248,7 +248,9 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w" / "paper").mkdir(parents=True)
-    half = AffordanceInfo(variant="paper", inputs="depth", prior=0.5, training={"epochs": 20, "schedule": 40})
+    half = AffordanceInfo(
+        variant="paper", inputs="depth", prior=0.5, training={"epochs": 20, "schedule": 40, "seed": 0}
+    )
     (tmp_path / "w" / "paper" / "model.json").write_text(half.model_dump_json())
     out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000,shipped,paper,paper-greedy"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
@@ -270,7 +272,11 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert told["free-1"]["novel-config"]["compared"]["recall"]["p"] == 1
     trained = [command for command in asked if command[0] == "train"][1:]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
-    assert told["paper"]["training"] == {"epochs": 20, "schedule": 40, "cost": None}, "a model is judged as it is"
+    assert told["paper"]["training"] == {"epochs": 20, "schedule": 40, "seed": 0, "cost": None}, (
+        "a model is judged as it is"
+    )
+    with pytest.raises(BusybotError, match="trained otherwise than this row"):
+        table1._card_of(table1.ROWS["paper-rgb"], tmp_path / "w" / "paper")
     assert told["paper-greedy"]["commands"][1].endswith("--model WORK/paper --mode greedy")
     papers = {"paper", "paper-greedy"}
     further = {*table1.ON_REQUEST} - papers

@@ -8,7 +8,7 @@ import pytest
 
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
-from busybot.evaluation.results import package_versions
+from busybot.evaluation.results import of_this_code, package_versions
 from busybot.objects.resolve import find
 from busybot.plan.agents.registry import kind_of
 from busybot.reason.encoders.registry import make_extractor
@@ -102,13 +102,14 @@ def test_versions_tell_which_code_packages_brought(
     folder = tmp_path / "stranger-2.0.dist-info"
     folder.mkdir()
     (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger\nVersion: 2.0\n")
-    lines = "[busybot.agents]\na = stranger.inner:A\nb = alone_of_stranger:B\n[busybot.reasoners]\nc = not_there:C\n"
-    (folder / "entry_points.txt").write_text(lines)
+    agents = "[busybot.agents]\na = stranger.inner:A\nb = alone_of_stranger:B\n"
+    (folder / "entry_points.txt").write_text(f"{agents}[busybot.reasoners]\nc = not_there:C\nd = no-name:D\n")
     registered += Distribution.at(folder).entry_points
     monkeypatch.syspath_prepend(tmp_path)
-    told = {package_versions()["stranger"]}
-    assert told == {package_versions()["stranger"]} and min(told).startswith("2.0, sha256 ")
-    for name in ("stranger/inner.py", "alone_of_stranger.py"):
+    told = []
+    for name in ("stranger/inner.py", "alone_of_stranger.py", "stranger/weights.bin"):
         (tmp_path / name).write_text("changed = True")
-        told.add(package_versions()["stranger"])
-    assert len(told) == 3
+        plugins.packages.cache_clear()
+        told.append(package_versions())
+    assert len({one["stranger"] for one in told}) == 3 and told[0]["stranger"].startswith("2.0, ")
+    assert [of_this_code({"versions": one}) for one in told] == [False, False, True]

@@ -1,6 +1,7 @@
 """Where networks are computed and how much at once. No GPU is needed: what PyTorch tells of one is made up here."""
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -139,3 +140,25 @@ def test_the_event_network_stays_on_its_device() -> None:
         assert divergence(edges, none, seen.edge_index[1], 0.1, exclusive).device == ELSEWHERE
     network.inference = False
     assert network.log_edges(seen)[0].device == ELSEWHERE
+
+
+@pytest.mark.parametrize(
+    ("library", "bytes_there", "count", "kept"),
+    [
+        ("glibc", 23 << 30, 0, True),
+        ("glibc", 16 << 30, 0, False),
+        ("", 23 << 30, 0, False),
+        ("glibc", 23 << 30, 1, False),
+    ],
+)
+def test_memory_is_kept_on_a_cpu_with_much_of_it(
+    monkeypatch: pytest.MonkeyPatch, library: str, bytes_there: int, count: int, kept: bool
+) -> None:
+    asked: list[tuple[int, int]] = []
+    glibc = SimpleNamespace(mallopt=lambda *words: asked.append(words))
+    gpus(monkeypatch, count)
+    monkeypatch.setattr(networks.platform, "libc_ver", lambda: (library, "2.36"))
+    monkeypatch.setattr(networks, "_memory", lambda: bytes_there)
+    monkeypatch.setattr(networks.ctypes, "CDLL", lambda name: glibc)
+    networks.keep_memory()
+    assert asked == [(networks.M_MMAP_MAX, 0), (networks.M_TRIM_THRESHOLD, -1)] * kept

@@ -90,6 +90,15 @@ def test_a_judgement_that_is_no_number_is_never_the_best(tmp_path: Path) -> None
     assert np.isfinite(float(learner.network.weight.detach()))
 
 
+def test_a_training_of_which_no_judgement_is_a_number_leaves_no_model(tmp_path: Path) -> None:
+    class Lost(Line):
+        def judge(self) -> dict[str, float | None]:
+            return {"loss": float("inf")}
+
+    with pytest.raises(BusybotError, match="no loss of line on held-out boards was a number"):
+        fit(Lost(), tmp_path, LoopConfig(report=1, judge=2, patience=0))
+
+
 def test_a_training_whose_loss_is_no_number_ends_there(tmp_path: Path) -> None:
     class Diverging(Line):
         def iterate(self, iteration: int) -> tuple[float, float]:
@@ -102,6 +111,8 @@ def test_a_training_whose_loss_is_no_number_ends_there(tmp_path: Path) -> None:
     patient = Diverging()
     patient.leaves_out = True
     assert fit(patient, tmp_path, LoopConfig(report=1, judge=2, patience=0))["iterations"] == 8
+    told = [line["loss"] for line in read_metrics(tmp_path / "metrics" / "line.jsonl") if "loss" in line]
+    assert len(told) == 8 and [place for place, loss in enumerate(told) if loss is None] == [4]
 
 
 def test_a_quiet_command_trains_without_a_word(

@@ -322,7 +322,7 @@ def plan(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as learned.caution=0.5.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """How often agents make a board look as its goal picture: at most eight steps on each task.
+    """How often agents make a board look as its goal picture: at most eight steps on each task (--set steps=8).
 
     Shares in JSON lie between 0 and 1, in the table they are percent. CPU ms are those of a decision, the interaction
     model's part included, simulation and rendering left out.

@@ -21,7 +21,8 @@ from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import IMPORTED, collect_command
+from busybot.datasets.info import collect_command
+from busybot.datasets.summary import origin_of
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.judgements import log_judgement
@@ -64,8 +65,6 @@ IMAGES = 23
 CURVE = (2, 5, 8, 11, 14, 17, 20, 23)
 """Numbers of observed images after which predictions are judged, beside the number asked for."""
 
-DRAWN = ("seed", "split", "assets")
-"""What says from where boards were drawn."""
 BOARDS_PER_WORKER = 30
 """A process more costs about as much time as so many boards."""
 
@@ -442,11 +441,8 @@ def _trained_on(judging: ReasonEvaluation, judged: dict[str, Any]) -> bool:
     if judging.given is not None or not _is_trained(judging.model):
         return False
     card = read_info(find_folder(judging.model, "reason"), ReasonerInfo)
-    drawn = (*(judged[key] for key in DRAWN),) if judged["split"] != IMPORTED else None
-    return any(
-        one.get("board_hash") == judged["board_hash"] or (*(one.get(key) for key in DRAWN),) == drawn
-        for one in card.training.get("data", [])
-    )
+    known = {one.get(key) for one in card.training.get("data", []) for key in ("board_hash", "drawing")} - {None}
+    return not known.isdisjoint((judged["board_hash"], judged["drawing"]))
 
 
 def _is_trained(model: str) -> bool:
@@ -467,15 +463,4 @@ def _hashes(told: dict[str, Any]) -> tuple[str, dict[str, Any]]:
 
 def origin(dataset: Dataset) -> dict[str, Any]:
     """Which episodes a result is about."""
-    hashes = dataset.hashes()
-    return {
-        "name": dataset.info.name,
-        "split": dataset.info.split,
-        "seed": dataset.info.seed,
-        "assets": dataset.info.assets.name,
-        "boards": dataset.info.boards,
-        "episodes": len(dataset.finished()),
-        "board_hash": hashes.board,
-        "trace_hash": hashes.trace,
-        "content_hash": hashes.content,
-    }
+    return {**origin_of(dataset), "boards": dataset.info.boards, "trace_hash": dataset.hashes().trace}

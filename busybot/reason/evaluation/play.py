@@ -90,7 +90,9 @@ def play_boards(
             what = f"{dataset.path}: nobody knows the relations of board {board.index}: nothing can be judged"
             raise BusybotError(what, "use boards that `busybot generate` made")
     hashes = dataset.hashes()
-    places = {word: Path(word) for word in games.agent} | {games.agent[0]: Path(shutil.which(games.agent[0]) or "")}
+    places = {word: Path(word) for word in games.agent} | {
+        games.agent[0]: Path(shutil.which(games.agent[0]) or games.agent[0])
+    }
     files = {word: sha256_of(place) for word, place in places.items() if place.is_file()}
     settings = {
         "agent": shlex.join(games.agent),

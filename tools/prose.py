@@ -180,7 +180,11 @@ def claim(name: str) -> str:
     lines = [(words[row], [cell(cells[row, *place]) for place in product(NOVEL, one.keys)]) for row in one.rows]
     lines += [the_papers(one.table, row, product(NOVEL, one.keys)) for row in one.paper]
     heads = [f"{words}: {one.table.keys[key]}" for words, key in product(NOVEL.values(), one.keys)]
-    more = {"image-reward": _rewards_of_a_real_camera, "planning": _plans}
+    more = {
+        "exploration": _exploration_of_the_papers_networks,
+        "image-reward": _rewards_of_a_real_camera,
+        "planning": _plans,
+    }
     grids = [plain_grid(heads, lines, "percent")]
     if apart := _apart(one, words, rows):
         grids.append(plain_grid(heads, apart, "points on the same boards (p)"))
@@ -297,6 +301,19 @@ def _plans_of_the_papers_network() -> str:
     alone = plain_grid(heads, lines, "percent, with the paper's network")
     same = _never_differing(told["tasks"] * len(places), "the paper's network")
     return markdown([alone, plain_grid(heads, apart, "points on the same tasks (p)")]) + "\n" + same
+
+
+def _exploration_of_the_papers_networks() -> str:
+    """The same with the paper's networks after a short training, and both on the same boards."""
+    told = result("table1-paper")["rows"]
+    found, rows = rows_of(INTERACTION.number, told), ("paper-greedy", "paper")
+    words = {row.name: row.words for row in INTERACTION.rows}
+    places = [*product(NOVEL, ACTING)]
+    lines = [(words[row], [cell(_known(found[row], place)) for place in places]) for row in rows]
+    heads = [f"{objects}: {INTERACTION.keys[key]}" for objects, key in product(NOVEL.values(), ACTING)]
+    apart = _apart(Claim(INTERACTION, rows, ACTING, ()), words, told)
+    grid = plain_grid(heads, lines, "percent, with the paper's networks")
+    return markdown([grid, plain_grid(heads, apart, "points on the same boards (p)")])
 
 
 REWARDS = {

@@ -19,8 +19,6 @@ SHARE = 0.5
 """Of a GPU's free memory, what batches may take: memory is not handed out without gaps."""
 M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
 """Of glibc's `mallopt`: when memory goes back to the system, and how many blocks are mapped each by itself."""
-KEPT_FROM = 22 << 30
-"""Memory of a machine that may keep it: the paper's networks take 17 GB then, and 11 otherwise."""
 
 
 def device() -> torch.device:
@@ -84,16 +82,18 @@ def slices(count: int, usual: int, on: torch.device) -> Iterator[slice]:
         yield from (slice(start, min(start + many, count)) for start in range(first, count, many))
 
 
-def keep_memory() -> None:
+@cache
+def keep_memory(needed: int = 0) -> None:
     """Let the C library keep what tensors leave for the next ones, until the process ends; on a CPU, with glibc.
 
     By default it gives large blocks back to the system at once, which clears every page again when it is touched:
-    for networks over whole pictures that costs more than their convolutions. In return up to twice as much memory is
-    held, for what is left between the blocks: where there are less than `KEPT_FROM` bytes all is as ever.
+    for networks over whole pictures that costs as much as their convolutions. In return up to twice as much memory is
+    held, for what is left between the blocks.
+
+    Args:
+        needed: bytes of memory; where there are less all is as ever.
     """
-    if device().type != "cpu" or platform.libc_ver()[0] != "glibc":
-        return
-    if _memory() >= KEPT_FROM:
+    if device().type == "cpu" and platform.libc_ver()[0] == "glibc" and _memory() >= needed:
         c_library = ctypes.CDLL(None)
         c_library.mallopt(M_MMAP_MAX, 0)
         c_library.mallopt(M_TRIM_THRESHOLD, -1)

@@ -160,5 +160,7 @@ def test_memory_is_kept_on_a_cpu_with_much_of_it(
     monkeypatch.setattr(networks.platform, "libc_ver", lambda: (library, "2.36"))
     monkeypatch.setattr(networks, "_memory", lambda: bytes_there)
     monkeypatch.setattr(networks.ctypes, "CDLL", lambda name: glibc)
-    networks.keep_memory()
+    networks.keep_memory.cache_clear()
+    networks.keep_memory(22 << 30)
+    networks.keep_memory.cache_clear()
     assert asked == [(networks.M_MMAP_MAX, 0), (networks.M_TRIM_THRESHOLD, -1)] * kept

@@ -25,7 +25,7 @@ from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features,
 from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
-from busybot.training.device import exactly, mixed, slices
+from busybot.training.device import exactly, keep_memory, mixed, slices
 
 GAUSSIAN_SIGMA = 10.0
 """Of the position's Gaussian, pixels; of the authors' program, which draws it in a window of 80."""
@@ -135,6 +135,7 @@ class PaperModel(AffordanceModel):
             BusybotError: the picture has another size than those of the training.
         """
         self._check_size(seen.depth.shape)
+        keep_memory()
         height = np.nan_to_num(rays.heights(seen.depth), nan=LOWEST).astype(np.float32)
         if self.info.inputs == "rgb":
             features = colour_features(seen.rgb)[None]

@@ -51,6 +51,8 @@ from busybot.training.run_folder import Lines, Panel, learner_versions
 
 BETAS = (0.9, 0.95)
 """Of Adam, as the authors' program has them; the text names none."""
+LEARNING_BYTES = 22 << 30
+"""Memory from which on it may be kept: learning takes 17 GB then, at the paper's size, and 11 otherwise."""
 PLOT_EVERY = 10
 """Epochs between pictures of the training's course."""
 
@@ -209,7 +211,7 @@ class PaperTraining:
 
     def begin(self, size: Size) -> None:
         """New networks for pictures of this size, or those of the last checkpoints."""
-        keep_memory()
+        keep_memory(LEARNING_BYTES)
         seed = self.recorder.seed
         self.learners = {kind: PaperAffordanceLearner(self.out, self.config, seed, kind, size) for kind in KINDS}
 

@@ -137,6 +137,7 @@ def test_the_command_line_imports_what_is_heavy_inside_functions() -> None:
         "busybot.cli.",
         "busybot.common.errors.",
         "busybot.common.device.",
+        "busybot.common.quiet.",
         "busybot.common.remote.",
         "busybot.common.text.",
         "busybot.__version__",

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
 
+from busybot.common import plugins
 from busybot.common.atomic_io import write_json
 from busybot.evaluation.results import code_digest
 
@@ -107,7 +108,7 @@ def main() -> int:
     parser.add_argument("out", nargs="+", type=Path)
     parser.add_argument("--input", nargs="*", type=Path, default=[])
     arguments = parser.parse_args(own)
-    parts = [code_digest(), *map(digest, arguments.input)]
+    parts = [code_digest(), *plugins.packages().values(), *map(digest, arguments.input)]
     key = hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest()
     return run(commands, begin(arguments.out, key, commands), note_of(arguments.out[0]))
 

@@ -26,7 +26,7 @@ from busybot.datasets.summary import origin_of
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.judgements import log_judgement
-from busybot.evaluation.results import code_digest, stamp
+from busybot.evaluation.results import package_versions, stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import ACTIONS, Watched, judge_causes
 from busybot.reason.evaluation.causes_summary import EARLY
@@ -331,7 +331,7 @@ def evaluate_models(
     Raises:
         ValueError: they are not alike.
     """
-    code_digest()  # of what judges, whatever changes meanwhile
+    package_versions()  # of what judges, whatever changes meanwhile
     for judging in judgings:
         _check(judging, training)
         if replace(judging, model=judgings[0].model, config=judgings[0].config) != judgings[0]:

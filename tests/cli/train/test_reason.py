@@ -12,6 +12,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.common.errors import UsageError
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.summary import origin_of
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.inputs.board_dataset import held_apart
@@ -52,6 +53,15 @@ def test_boards_that_are_there_to_judge_are_named(tmp_path: Path, data: Path) ->
     assert "cannot be judged" not in run(*arguments(tmp_path / "run", data)).stderr
     done = run(*arguments(tmp_path / "other", make_dataset(tmp_path / "novel", split="novel-object").path))
     assert "novel-object; the model cannot be judged on that split honestly" in done.stderr
+
+
+def test_boards_of_the_same_seed_in_another_world_are_another_drawing(data: Path) -> None:
+    drawn = origin_of(Dataset.open(data))["drawing"]
+    info = json.loads((data / "dataset.json").read_text())
+    for changed, same in (({"boards": 9}, True), ({"world": "lock"}, False), ({"group_size": 2}, False)):
+        told = info | {"generator": info["generator"] | {"config": info["generator"]["config"] | changed}}
+        (data / "dataset.json").write_text(json.dumps(told))
+        assert (origin_of(Dataset.open(data))["drawing"] == drawn) is same, changed
 
 
 def weights(out: Path) -> str:

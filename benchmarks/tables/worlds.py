@@ -1,7 +1,7 @@
 """The table of worlds: what rows without learning find out, by the actions of an oracle of contacts.
 
     python -m benchmarks.tables.worlds record --data FOLDER --assets DIR [--only gates,time] [--sets training]
-        [--policy FOLDER]
+        [--policy FOLDER [--reasoner FOLDER]]
     python -m benchmarks.tables.worlds --data FOLDER --assets DIR --out benchmarks/results/worlds.json
         [--only gates,time] [--parts rows,discovery,exploring,learned] [--model FOLDER] [--boards 100]
 
@@ -9,7 +9,9 @@
 `others` for shortcuts and more training, and acts on them by the scripted policy: it takes a random link that
 shows, at a contact and in a direction that move it. Pictures are small, everything else is as ever. No test split is
 looked at. With `--policy`, a training of the interaction policy, `record` makes `explored`, too: for training, acted on
-by that policy and photographed as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links.
+by that policy and photographed as the frozen boards are (`benchmarks.tables.world_gates`). It meets fewer links. With
+`--reasoner` as well, a training of the model of relations, it makes `chosen`: where that chooses among what the policy
+proposes (`collect --policy curious`), and meets nearly all.
 
 The parts are `rows` (counting, lookup, persistence, the exact observer of what is detected, and of the truth),
 `discovery` (two methods of causal-learn, from the extra `causal`; slow, so on the first boards alone) and `exploring`
@@ -75,10 +77,17 @@ KIND = "worlds"
 NAMES = (*WORLDS, PAPER)
 STEPS = 30
 PICTURES = ("render.width=320", "render.height=240")
-RECORDED = {"training": (60, 822), "validation": (200, 821), "others": (400, 825), "explored": (60, 826)}
+RECORDED = {
+    "training": (60, 822),
+    "validation": (200, 821),
+    "others": (400, 825),
+    "explored": (60, 826),
+    "chosen": (60, 827),
+}
 """Number of boards and seed, which no other recording has; nothing but shortcuts is judged on `others`."""
-BY_POLICY = "explored"
-SCRIPTED = tuple(name for name in RECORDED if name != BY_POLICY)
+BY = {"explored": ("policy",), "chosen": ("policy", "reasoner")}
+"""Which trainings act on a recording; on all others the scripted policy does."""
+SCRIPTED = tuple(name for name in RECORDED if name not in BY)
 FEW, CHOOSING, GREEDY, TUNING = 40, 60, 10, 6
 """Boards of the discovery methods, of random and coverage-first choice, of greedy choice, and that the discovery
 methods are tuned on."""
@@ -106,25 +115,31 @@ def record(words: list[str]) -> None:
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--sets", help="which recordings, comma-separated; all that can be made by default")
     options.add_argument("--policy", help="a training of the interaction policy, which acts on `explored`")
+    options.add_argument("--reasoner", help="one of the model of relations, which chooses on `chosen` what that does")
     options.add_argument("--most", type=int, default=10_000, help="boards per recording")
     arguments = options.parse_args(words)
-    sets = runner.chosen(arguments.sets or ",".join(RECORDED if arguments.policy else SCRIPTED), RECORDED)
-    if BY_POLICY in sets and not arguments.policy:
-        raise SystemExit(f"{BY_POLICY}: nobody is there to act; name a training of the interaction policy by --policy")
+    missing = {name: [one for one in BY.get(name, ()) if not getattr(arguments, one)] for name in RECORDED}
+    able = [name for name in RECORDED if not missing[name]]
+    sets = runner.chosen(arguments.sets or ",".join(able), RECORDED)
+    for name in sets:
+        if missing[name]:
+            raise SystemExit(f"{name}: nobody is there to act; name a training by --{missing[name][0]}")
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
         for name, (boards, seed) in ((one, RECORDED[one]) for one in sets):
             folder = arguments.data / world / name
             drawn = runner.generating(folder, "train", min(arguments.most, boards), seed, arguments.assets)
             runner.busybot(*drawn, "--world", world)
             acting = ("--steps", str(STEPS), "--seed", str(seed), "--assets", arguments.assets)
-            runner.busybot("collect", str(folder), *acting, *_acting(name, arguments.policy))
+            runner.busybot("collect", str(folder), *acting, *_acting(name, arguments.policy, arguments.reasoner))
 
 
-def _acting(name: str, policy: str | None) -> tuple[str, ...]:
+def _acting(name: str, policy: str | None, reasoner: str | None) -> tuple[str, ...]:
     """By whom boards are acted on; a learned policy reads pictures of the usual size."""
-    if name == BY_POLICY:
-        return ("--policy", "learned", "--model", str(policy))
-    return ("--policy", "scripted", *runner.settings(*PICTURES))
+    if name not in BY:
+        return ("--policy", "scripted", *runner.settings(*PICTURES))
+    if "reasoner" in BY[name]:
+        return ("--policy", "curious", "--model", str(policy), "--reasoner", str(reasoner))
+    return ("--policy", "learned", "--model", str(policy))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from benchmarks.tables.world_rows import ACTIONS, DiscoveryConfig, Samples, dete
 from benchmarks.tables.worlds import LEARNED, Recorded, _is_there
 from busybot.boards.dynamics import Triggers
 from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
 from busybot.evaluation.results import read_result
 from busybot.reason.evaluation.ground_truth import trace_of
 from busybot.training.model_cards import file_hashes, find_folder
@@ -136,10 +137,25 @@ def test_a_small_table(tmp_path: Path) -> None:
     assert all(one["ahead"] == pytest.approx(one["share"] - told[0]["share"]) for one in told)
 
 
-def test_who_asks_for_boards_that_a_policy_acted_on_says_which(tmp_path: Path) -> None:
-    with pytest.raises(SystemExit, match="explored: nobody is there to act.*--policy"):
-        worlds.record(["--data", str(tmp_path), "--sets", "training,explored"])
+@pytest.mark.parametrize(
+    ("name", "there", "missing"),
+    [("explored", [], "policy"), ("chosen", [], "policy"), ("chosen", ["--policy", "some"], "reasoner")],
+)
+def test_who_asks_for_boards_that_a_training_acted_on_says_which(
+    tmp_path: Path, name: str, there: list[str], missing: str
+) -> None:
+    with pytest.raises(SystemExit, match=f"{name}: nobody is there to act.*--{missing}"):
+        worlds.record(["--data", str(tmp_path), "--sets", f"training,{name}", *there])
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.long
+def test_what_a_model_chose_is_recorded(tmp_path: Path) -> None:
+    """By its training and that of the policy, and told in the recording."""
+    words = ["--data", str(tmp_path), "--only", "gates", "--sets", "chosen", "--most", "1"]
+    worlds.record([*words, "--policy", "benchmarks/models/lean-free-0", "--reasoner", "benchmarks/models/mechanism-1"])
+    collect = Dataset.open(tmp_path / "gates" / "chosen").info.collect
+    assert collect is not None and collect.policy == "curious" and collect.seed == worlds.RECORDED["chosen"][1]
 
 
 def test_a_model_of_other_weights_is_judged_beside_one_that_was() -> None:

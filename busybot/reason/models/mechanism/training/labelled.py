@@ -189,10 +189,13 @@ def draw_boards(
 ) -> Iterator[tuple[BoardSpec, LabelledTrace]]:
     """Boards of the training split, on which random links were moved, without a simulator or pictures.
 
+    They are others than `busybot generate` draws with the same seed, which a training may hold out.
+
     Args:
         blur: tell states as pictures do; None for true states.
     """
-    config = BoardConfig(world=world, boards=boards, seed=seed, group_size=1)
+    own = int(generator(seed, "train", 0, "mechanisms/drawn boards").integers(2**31))
+    config = BoardConfig(world=world, boards=boards, seed=own, group_size=1)
     for number, board in enumerate(generate_boards(config, library)):
         links = links_of([library.get(placed.key) for placed in board.objects])
         responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]

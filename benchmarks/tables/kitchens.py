@@ -124,7 +124,7 @@ def judged(dataset: Dataset) -> Iterator[dict[str, Any]]:
     features = features_of(dataset, "embedded", workers=1)
     for index in sorted(dataset.finished()):
         episode = read_episode(dataset.episode_path(index), "lazy")
-        true = truth_of(episode).edges
+        true = truth_of(episode).edges()
         controls = {(ref.object, ref.link) for one in episode.board.relations for ref in one.triggers}
         moved = {(step.acted_object, step.acted_link) for step in episode.steps if step.success}
         yield {

@@ -147,8 +147,9 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     rows = told_rows(options.out, KIND)
     told = read_json(options.out) if options.out.exists() else {}
     chooser = {"curious": curious_hashes()} if options.curious else {}
-    if told and (told.get("camera", "clean"), told.get("curious")) != (options.camera, chooser.get("curious")):
-        what = "its boards were seen by another camera, or acted on by another policy"
+    asked = options.camera, chooser.get("curious"), assets_name(options.assets)
+    if told and (told.get("camera", "clean"), told.get("curious"), told.get("assets", asked[2])) != asked:
+        what = "its boards were seen by another camera, acted on by another policy, or made of other objects"
         raise UsageError(f"{options.out}: {what}", "name another file")
     parts = models_by_policy(options)
     hashes = {model: file_hashes(find_folder(model, "reason")) for models in parts.values() for model in models}

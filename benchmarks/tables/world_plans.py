@@ -95,10 +95,12 @@ def commands(name: str, options: argparse.Namespace) -> list[tuple[str, ...]]:
 def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The result file's content after every world."""
     options.work.mkdir(parents=True, exist_ok=True)
-    rows, typed = told_rows(options.out, KIND), []
+    rows = told_rows(options.out, KIND)
     told_before = read_json(options.out) if options.out.exists() else {}
-    if told_before and _way(told_before) != (options.history, options.steps, options.actions):
-        raise UsageError(f"{options.out}: it has other histories, or other numbers of actions", "name another file")
+    assets, typed = assets_name(options.assets), list(told_before.get("commands", []))
+    if told_before and _way(told_before, assets) != (options.history, options.steps, options.actions, assets):
+        what = "it has other histories, other numbers of actions, or other objects"
+        raise UsageError(f"{options.out}: {what}", "name another file")
     names = {str(options.work): "WORK", str(options.model): "MODEL", str(options.assets): "ASSETS"}
     names |= {options.policy: "POLICY"} if options.policy else {}
     names |= {str(seed): seed.name.upper() for seed in options.seeds}
@@ -106,7 +108,8 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     for world in chosen(options.only, NAMES) if options.only else WORLDS:
         asked = commands(world, options)
         others = seeded(asked[2], options.seeds)
-        typed += [as_typed(command, names) for command in (*asked, *others.values())]
+        words = [as_typed(command, names) for command in (*asked, *others.values())]
+        typed = [one for one in typed if one not in words] + words
         told = [busybot(*command) for command in asked][2:]
         played = {name: row for one in told for name, row in one["agents"].items()}
         learned = {name: folder for name, folder in folders_of(options.learned).items() if name in played}
@@ -120,7 +123,7 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
             **{key: _grouped([one[key] for one in told]) for key in ("by_locks", "by_unmoved")},
         }
         yield {
-            "assets": assets_name(options.assets),
+            "assets": assets,
             "history": options.history,
             "steps": options.steps,
             "actions": options.actions,
@@ -129,9 +132,14 @@ def measured(options: argparse.Namespace) -> Iterator[dict[str, Any]]:
         }
 
 
-def _way(told: dict[str, Any]) -> tuple[str, int, int]:
-    """Who recorded, how many actions, and how many agents may take; older results do not tell it."""
-    return told.get("history", "scripted"), told.get("steps", STEPS), told.get("actions", MAX_STEPS)
+def _way(told: dict[str, Any], assets: str) -> tuple[str, int, int, str]:
+    """Who recorded, how many actions, how many agents may take, and the objects; older results do not tell it."""
+    return (
+        told.get("history", "scripted"),
+        told.get("steps", STEPS),
+        told.get("actions", MAX_STEPS),
+        told.get("assets", assets),
+    )
 
 
 def seeded(playing: tuple[str, ...], seeds: list[Path]) -> dict[str, tuple[str, ...]]:
@@ -187,10 +195,27 @@ def parsed(words: list[str] | None) -> argparse.Namespace:
 
 def main(words: list[str] | None = None) -> None:
     arguments = parsed(words)
-    models = {"mechanism": arguments.model, **{seed.name: seed for seed in arguments.seeds}}
-    hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
+    hashes = {"models": models_of(arguments)}
     for result in measured(arguments):
         finish(KIND, arguments, result, hashes=hashes, seed=SEED)
+
+
+def models_of(options: argparse.Namespace) -> dict[str, dict[str, str]]:
+    """Hashes of the files of all models, with those that earlier worlds of the same file were played with.
+
+    Raises:
+        UsageError: two trainings have one name, or the file has worlds with another model.
+    """
+    folders = {"mechanism": options.model, **{seed.name: seed for seed in options.seeds}}
+    if len(folders) <= len(options.seeds):
+        raise UsageError("two trainings have one name", "name each folder of a training otherwise")
+    found = {name: file_hashes(find_folder(model, "reason")) for name, model in folders.items()}
+    if options.policy:
+        found["policy"] = file_hashes(find_folder(options.policy, "interact"))
+    earlier = read_json(options.out)["hashes"]["models"] if options.out and options.out.exists() else {}
+    if others := [name for name, files in found.items() if earlier.get(name, files) != files]:
+        raise UsageError(f"{options.out}: it has worlds with another {others[0]}", "name another file")
+    return {**earlier, **found}
 
 
 if __name__ == "__main__":

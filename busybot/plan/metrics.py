@@ -19,7 +19,6 @@ from busybot.evaluation.statistics import (
     mcnemar_test,
     percentile_interval,
     sign_flip_test,
-    two_level_interval,
 )
 
 DRAWS = 2000
@@ -41,7 +40,7 @@ KEYS: dict[str, str] = {
     "agents.NAME.steps_over_shortest": "of solved tasks, steps used divided by those of the shortest plan, mean",
     "agents.NAME.solved_interval": "exact binomial bounds of `solved`, 95 %",
     "agents.NAME.micro_intervals": "of `micro`, by a bootstrap over `objects` (responders) and their boards, and over "
-    "`mechanisms` (their kinds) and their boards",
+    "`mechanisms` (their kinds) and their boards; where all or none is reached exact bounds, each of them one trial",
     "agents.NAME.object_interval": "of `success`, by a bootstrap over objects (responders) and their tasks; where all "
     "or none is reached exact bounds, each object being one trial",
     "compared.NAME": "against the first agent named, on the same tasks: `difference` of success and its "
@@ -183,8 +182,8 @@ def _more(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], rng: n
         "steps_over_shortest": _mean([one.steps / task.least_steps for task, one in solved]),
         "solved_interval": binomial_interval(len(solved), len(tasks)),
         "micro_intervals": {
-            "objects": two_level_interval(right, whole, objects, boards, rng),
-            "mechanisms": two_level_interval(right, whole, [each.kind for _, each in records], boards, rng),
+            "objects": interval_over_objects(right, whole, objects, boards, rng),
+            "mechanisms": interval_over_objects(right, whole, [each.kind for _, each in records], boards, rng),
         },
         "object_interval": interval_over_objects(weights * right, weights, objects, boards, rng),
     }

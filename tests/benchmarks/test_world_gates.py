@@ -355,6 +355,9 @@ def test_the_model_that_ships_chooses_where_it_is_curious(tmp_path: Path) -> Non
     assert collect is not None and collect.policy == "curious" and told["curious"]["weights.safetensors"]
     with pytest.raises(UsageError, match="acted on by another policy"):
         world_gates.main(words)
+    out.write_text(json.dumps({**json.loads(out.read_text()), "curious": None, "assets": "partnet-mobility"}))
+    with pytest.raises(UsageError, match="or made of other objects"):
+        world_gates.main(words)
 
 
 @pytest.mark.long

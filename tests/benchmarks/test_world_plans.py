@@ -1,11 +1,12 @@
 """Who plays in which world."""
 
+import json
 from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
-from benchmarks.tables.world_plans import STEPS, commands, compared, measured, parsed, seeded
+from benchmarks.tables.world_plans import STEPS, commands, compared, measured, models_of, parsed, seeded
 from busybot.common.errors import UsageError
 from busybot.evaluation.folder import BOARDS
 from busybot.plan.metrics import JudgedResponder, JudgedRollout, JudgedTask
@@ -35,8 +36,11 @@ def test_longer_histories_lie_in_folders_of_their_own_and_in_a_result_of_their_o
     out.write_text('{"kind": "world-plans", "history": "scripted", "rows": {}}')
     words = ["--model", "m", "--work", str(tmp_path), "--assets", "procedural", "--out", str(out)]
     for other in ("--steps", "--actions"):
-        with pytest.raises(UsageError, match="it has other histories, or other numbers of actions"):
+        with pytest.raises(UsageError, match="it has other histories, other numbers of actions"):
             next(measured(parsed([*words, other, "60"])))
+    out.write_text('{"kind": "world-plans", "assets": "partnet-mobility", "rows": {}}')
+    with pytest.raises(UsageError, match="or other objects"):
+        next(measured(parsed(words)))
 
 
 def test_who_may_take_more_actions_plays_with_the_same_histories_into_folders_of_their_own() -> None:
@@ -52,6 +56,22 @@ def test_other_trainings_play_the_same_tasks_into_folders_of_their_own() -> None
         "mechanism-1": (*playing[:4], "models/mechanism-1", "--out", "w/gates-scripted-mechanism-mechanism-1"),
     }  # fmt: skip
     assert seeded(playing, []) == {}
+
+
+def test_a_result_is_of_one_model_and_each_training_has_a_name_of_its_own(tmp_path: Path) -> None:
+    out, models = tmp_path / "result.json", Path("benchmarks/models")
+    asked = ["--model", str(models / "mechanism-1"), "--work", str(tmp_path), "--out", str(out)]
+    found = models_of(parsed([*asked, "--policy", str(models / "lean-free-0"), "--seeds", str(models / "mechanism-2")]))
+    assert list(found) == ["mechanism", "mechanism-2", "policy"]
+    out.write_text(json.dumps({"hashes": {"models": found}}))
+    assert models_of(parsed(asked)) == found, "worlds that stand there already were played by the others, too"
+    for words, match in (
+        (["--model", str(models / "mechanism-2")], "it has worlds with another mechanism"),
+        (["--seeds", "runs/1/model", "runs/2/model"], "two trainings have one name"),
+        (["--seeds", "runs/mechanism"], "two trainings have one name"),
+    ):
+        with pytest.raises(UsageError, match=match):
+            models_of(parsed([*asked, *words]))
 
 
 def lamp(reached: bool) -> JudgedResponder:

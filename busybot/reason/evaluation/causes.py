@@ -18,7 +18,8 @@ import numpy as np
 
 from busybot.boards.dynamics import Dynamics, DynamicState, Links
 from busybot.boards.mechanisms.rest import Rest
-from busybot.boards.spec import BODY, PAPER, BoardSpec, LinkRef, Relation
+from busybot.boards.spec import BODY, PAPER, BoardSpec, LinkRef
+from busybot.boards.true_causes import relations_at
 from busybot.boards.worlds import DIRECT, WORLDS, links_of
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -85,6 +86,7 @@ class JudgedCauses:
         bound: bool (K + 1, N, N), what the exact observer claims; None without one.
         links, links_bound: int (K + 1, N, 3), at the level of links for each responder how many parents are rightly
             claimed, claimed and true; None where links are not told, or there is no observer.
+        links_silent: the same with no link claimed, where links are not told; it counts if they are on other boards.
         mechanisms: of the responders that show in the first frame.
         told: bool (P, 2, N), whether the model told of each responder what happened, and what had happened without an
             action, in each pair of questions; True for what is not asked. None where it cannot be asked.
@@ -102,6 +104,7 @@ class JudgedCauses:
     bound: np.ndarray | None = None
     links: np.ndarray | None = None
     links_bound: np.ndarray | None = None
+    links_silent: np.ndarray | None = None
     mechanisms: tuple[JudgedMechanism, ...] = ()
     told: np.ndarray | None = None
     unlucky: np.ndarray | None = None
@@ -145,8 +148,8 @@ class Watched:
 
     @property
     def followed(self) -> int:
-        """K, for how many actions discovery is followed."""
-        return min(len(self.episode.steps), ACTIONS)
+        """K, for how many actions a model is followed: those of discovery, and all that were observed."""
+        return min(len(self.episode.steps), max(ACTIONS, self.images - 1))
 
     def ask(self, reasoner: Reasoner | None, questions: Questions) -> np.ndarray | None:
         """Whether each responder is told rightly, bool (Q, N); None if nobody can be asked."""
@@ -229,16 +232,10 @@ def candidates_of(board: BoardSpec) -> np.ndarray:
     return found
 
 
-def relations_at(board: BoardSpec, action: int) -> list[Relation]:
-    """The relations that decide what shows after the action of that number, from 0."""
-    rewired = {one.relation.responder: one.relation for one in board.rewirings if one.step <= action}
-    return [one for one in board.relations if one.responder not in rewired] + list(rewired.values())
-
-
 def parents_at(board: BoardSpec, action: int) -> np.ndarray:
     """bool (N, N), object pairs, of the relations that decide what shows after that action."""
     found = np.zeros((len(board.objects),) * 2, bool)
-    for relation in relations_at(board, action):
+    for relation in relations_at(board, action + 1):
         for trigger in relation.triggers:
             found[trigger.object, relation.responder] = True
     return found
@@ -262,12 +259,14 @@ def judge_causes(
     early = {number: one for number, one in (early or {}).items() if number in numbers}
     after = [early.get(number, graph) for number in numbers]
     claimed = np.array([one.claimed(number) for number, one in enumerate(after)]) & watched.candidates
+    links = _links_after(watched.episode, graph, early, claimed)
     judged = JudgedCauses(
         watched.candidates,
         watched.true,
         np.array([one.after(number) for number, one in enumerate(after)], np.float32),
         claimed,
-        links=None if graph.links is None else _links_after(watched.episode, graph, early, claimed),
+        links=None if graph.links is None else links,
+        links_silent=links if graph.links is None else None,
     )
     if watched.replayed is None:
         return judged
@@ -292,7 +291,7 @@ def true_links(board: BoardSpec, names: Sequence[LinkRef], action: int) -> np.nd
     """bool (I, N): which of these are parents of what shows after the action of that number."""
     place = {name: number for number, name in enumerate(names)}
     found = np.zeros((len(names), len(board.objects)), bool)
-    for relation in relations_at(board, action):
+    for relation in relations_at(board, action + 1):
         for trigger in relation.triggers:
             if trigger in place:
                 found[place[trigger], relation.responder] = True
@@ -328,12 +327,12 @@ def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[in
 def _links_after(
     episode: Episode, graph: InferredGraph, early: Mapping[int, InferredGraph], claimed: np.ndarray
 ) -> np.ndarray:
-    """See `count_links`; after some numbers of actions a graph of its own tells of links."""
+    """See `count_links`; after some numbers of actions a graph of its own tells of links. Who is silent claims none."""
     numbers = [number for number in range(len(claimed)) if number not in early]
     counts = np.zeros((*claimed.shape[:2], 3), int)
+    none = InferredLinks(np.full(len(episode.steps), -1), np.zeros((1, 0, claimed.shape[1])))
     for one, own in [(graph, numbers), *((one, [number]) for number, one in early.items())]:
-        assert one.links is not None  # a model tells links apart, or it does not
-        counts[own] = count_links(episode, one.links, one.threshold, claimed, own)
+        counts[own] = count_links(episode, one.links or none, one.threshold, claimed, own)
     return counts
 
 

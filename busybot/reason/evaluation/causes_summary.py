@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from busybot.common.rng import generator
 from busybot.evaluation.statistics import LEAST_PAIRS, Interval, extreme_interval, two_level_interval
 from busybot.reason.evaluation import metrics as m
 from busybot.reason.evaluation import rewirings
-from busybot.reason.evaluation.causes import JudgedCauses, JudgedMechanism, count_parents
+from busybot.reason.evaluation.causes import ACTIONS, JudgedCauses, JudgedMechanism, count_parents
 from busybot.reason.evaluation.hypotheses import NOTHING
 
 CALIBRATED = (4, 8, 12, 16, 22, 30)
@@ -29,7 +30,7 @@ KEYS: dict[str, str] = {
     "count, too: who cannot claim them misses them",
     "parent_f1_bound": "the same F1 of the exact observer, who sees the true states of the same actions",
     "link_parent_p, link_parent_r, link_parent_f1, link_parent_f1_bound": "the same with trigger links in place of "
-    "triggers. Null for models that do not tell a trigger's links apart; a model's links are clusters of contacts, "
+    "triggers. Null for models that tell a trigger's links apart on no board; their links are clusters of contacts, "
     "matched to the true ones by most common actions (Hungarian method)",
     "shd, shd_bound": "structural Hamming distance, mean over boards: parents to be added, removed or turned round",
     "mechanism_accuracy": "share of the responders with inputs whose every state is foretold on a tour of 40 further "
@@ -46,7 +47,7 @@ KEYS: dict[str, str] = {
     "was never met in a state in which the tour asks about it; `otherwise`. Null as `mechanism_accuracy`",
     "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
-    "lag, is named rightly. Null for models that do not tell them",
+    "lag, is named rightly. Null for models that tell them on no board",
     "gap": "`pred_a` minus `mechanism_accuracy`: one can predict without understanding",
     "what_if": "share of pairs of questions answered rightly: what the next up to 4 actions showed, and what they "
     "would have shown had one link not been moved. Only pairs with different answers are asked",
@@ -96,7 +97,7 @@ def summarise_causes(
         images: how many were observed; parents are those claimed then.
         pred_a: of the same boards.
     """
-    boards, causes = [board for board, _ in judged], [one for _, one in judged]
+    boards, causes = [board for board, _ in judged], _outspoken([one for _, one in judged])
     steps = images - 1
     followed = [one for one in causes if one.bound is not None]
     mechanisms = [one for each in causes for one in each.mechanisms if one.driven]
@@ -106,7 +107,7 @@ def summarise_causes(
     pairs = np.concatenate([np.zeros((0, 2), bool), *told])
     asked = [one.unlucky.any(-1) for one in causes if one.unlucky is not None]
     unlucky = np.concatenate([np.zeros(0, bool), *asked])
-    rows = [_row(board, one, steps) for board, one in judged]
+    rows = [_row(board, one, steps) for board, one in zip(boards, causes, strict=True)]
     return {
         **{
             f"parent_{name}": share for name, share in m.micro([_counts(one, steps) for one in causes], PARENTS).items()
@@ -149,6 +150,30 @@ def summarise_causes(
         "cause_boards": rows,
         "by_board": _by_board(causes, steps),
     }
+
+
+def _outspoken(causes: Sequence[JudgedCauses]) -> list[JudgedCauses]:
+    """Who tells of links, kinds, lags or changes on one board is judged by them on all, else a model chose on which: of
+    a board on which it is silent it knows nothing."""
+    everyone = [each for one in causes for each in one.mechanisms]
+    kinds = any(each.kind_right is not None for each in everyone)
+    lags = any(each.lag_right is not None for each in everyone)
+    links = any(one.links is not None for one in causes)
+    changes = any(one.rewired is not None and one.rewired.told is not None for one in causes)
+
+    def named(one: JudgedMechanism) -> JudgedMechanism:
+        kind = False if kinds and one.kind_right is None else one.kind_right
+        return replace(one, kind_right=kind, lag_right=False if lags and one.lag_right is None else one.lag_right)
+
+    return [
+        replace(
+            one,
+            mechanisms=tuple(map(named, one.mechanisms)),
+            links=one.links_silent if links and one.links is None else one.links,
+            rewired=one.rewired.outspoken if changes and one.rewired is not None else one.rewired,
+        )
+        for one in causes
+    ]
 
 
 def hamming(claimed: np.ndarray, true: np.ndarray) -> int:
@@ -312,7 +337,7 @@ def _uncertain(causes: Sequence[JudgedCauses], steps: int, long_enough: bool = F
 
 def _discovery(causes: Sequence[JudgedCauses]) -> dict[str, Any]:
     curve = []
-    for number in range(1, max((len(one.true) for one in causes), default=1)):
+    for number in range(1, min(ACTIONS + 1, max((len(one.true) for one in causes), default=1))):
         own = [one for one in causes if len(one.true) > number]
         scores = m.micro([_counts(one, number) for one in own], PARENTS)
         bound = m.micro([_counts(one, number, bound=True) for one in own if one.bound is not None], PARENTS)

@@ -155,7 +155,7 @@ class _Recording:
         spurious, forecast, causes = None, None, None
         if proposed is not None:
             if episode.board.relations_known:
-                numbers = range(min(len(episode.steps), ACTIONS) + 1)
+                numbers = range(min(len(episode.steps), max(ACTIONS, judging.images - 1)) + 1)
                 spurious = np.array([proposed.spurious(early.get(number, longer), number) for number in numbers])
             graph, longer = proposed.true_part(graph), proposed.true_part(longer)
             early = {actions: proposed.true_part(one) for actions, one in early.items()}
@@ -398,7 +398,7 @@ def _result(
     """One model's. `sets` are origins of the dataset, and of that on which decoders were trained, if there is one."""
     models = _model_hashes(judging.model) if judging.given is None else judging.given.hashes
     return {
-        **stamp("reason", hashes={"models": models, "data": dict(map(_hashes, sets))}),
+        **stamp("reason", hashes={"models": models, "data": _hashes_of(sets)}),
         **_summarised(judged, judging, seed),
         "images_used": 1 + max(one.steps for one in judged),
         "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
@@ -457,8 +457,13 @@ def _model_hashes(model: str) -> dict[str, dict[str, str]]:
     return {folder.name: file_hashes(folder)}
 
 
-def _hashes(told: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    return f"{told['name']} ({told['split']})", {key: told[key] for key in told if key.endswith("_hash")}
+def _hashes_of(sets: Sequence[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """By name; that on which decoders were trained may have the same as the one that is judged."""
+    whose = ("", "decoders: ")
+    return {
+        f"{who}{told['name']} ({told['split']})": {key: told[key] for key in told if key.endswith("_hash")}
+        for who, told in zip(whose, sets, strict=False)
+    }
 
 
 def origin(dataset: Dataset) -> dict[str, Any]:

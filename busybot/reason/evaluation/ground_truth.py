@@ -21,6 +21,7 @@ import numpy as np
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.mechanisms import Mechanism
 from busybot.boards.spec import BODY, BoardSpec, LinkRef
+from busybot.boards.true_causes import relations_at
 from busybot.episodes.episode import Episode
 
 NOTHING_HELD = "nothing held"
@@ -33,30 +34,39 @@ class GraphTruth:
 
     Attributes:
         candidates: bool (N, N), a trigger in the row and a responder in the column; none where relations are unknown.
-        edges: bool (N, N), the true relations.
-        kinds: of the relations of each true edge: usually one.
-        shown: int (N, N), number of steps after which the edge's effect had been visible once, 0 for never; None where
-            the recording does not know states. An effect is visible when an action on the trigger changed the state of
-            the responder and both objects show in the first frame.
+        shown: int (N, N), number of steps after which the effect of an edge that holds at first had been visible once,
+            0 for never; None where the recording does not know states. An effect is visible when an action on the
+            trigger changed the state of the responder and both objects show in the first frame.
     """
 
+    board: BoardSpec
     candidates: np.ndarray
-    edges: np.ndarray
-    kinds: dict[tuple[int, int], tuple[str, ...]]
     shown: np.ndarray | None
+
+    def edges(self, steps: int = 0) -> np.ndarray:
+        """bool (N, N), the true relations after so many steps; a rewiring changes them."""
+        found = np.zeros_like(self.candidates)
+        for pair in self.kinds(steps):
+            found[pair] = True
+        return found
+
+    def kinds(self, steps: int = 0) -> dict[tuple[int, int], tuple[str, ...]]:
+        """Of the relations of each true edge then: usually one."""
+        found: dict[tuple[int, int], tuple[str, ...]] = {}
+        for relation in relations_at(self.board, steps):
+            for trigger in relation.triggers:
+                pair = (trigger.object, relation.responder)
+                if self.candidates[pair]:
+                    found[pair] = tuple(sorted({*found.get(pair, ()), relation.kind}))
+        return found
 
 
 def truth_of(episode: Episode) -> GraphTruth:
     """Read the truth from the board and the privileged part of the steps."""
     roles = np.array([placed.role for placed in episode.board.objects])
     candidates = (roles == "trigger")[:, None] & (roles == "responder")[None] & episode.board.relations_known
-    kinds: dict[tuple[int, int], tuple[str, ...]] = {}
-    for relation in episode.board.relations:
-        for trigger in relation.triggers:
-            pair = (trigger.object, relation.responder)
-            kinds[pair] = tuple(sorted({*kinds.get(pair, ()), relation.kind}))
     edges = np.array(episode.board.relation_matrix(), bool).reshape(candidates.shape)
-    return GraphTruth(candidates, edges & candidates, kinds, _shown(episode, edges))
+    return GraphTruth(episode.board, candidates, _shown(episode, edges))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ that places nothing.)
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -72,6 +72,12 @@ class JudgedRewirings:
     calm: bool
     told: JudgedChanges | None = None
     bound: JudgedChanges | None = None
+
+    @property
+    def outspoken(self) -> "JudgedRewirings":
+        """Where nothing is said, the same as said by who believes that nothing changed."""
+        nothing = (False,) * len(self.rewired)
+        return self if self.told else replace(self, told=JudgedChanges(nothing, nothing, (None,) * len(nothing), 0))
 
 
 def shown_rewirings(dynamics: Dynamics, triggers: np.ndarray, states: Sequence[DynamicState]) -> list[Rewired]:

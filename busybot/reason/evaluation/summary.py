@@ -160,7 +160,7 @@ class JudgedGraph:
 
     def counts(self, steps: int) -> m.Counts:
         """Edges claimed after so many steps against the truth; those of objects that are not there are wrong."""
-        counted = m.count_edges(self.graph.claimed(steps), self.truth.edges, self.truth.candidates)
+        counted = m.count_edges(self.graph.claimed(steps), self.truth.edges(steps), self.truth.candidates)
         if self.spurious is None:
             return counted
         return {**counted, "claimed": counted["claimed"] + int(self.spurious[min(steps, len(self.spurious) - 1)])}
@@ -172,7 +172,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
     forecasts = [(one.board, one.forecast) for one in judged if one.forecast is not None]
     counts = [one.counts(steps) for one in judged]
     rng = generator(seed, judged[0].board.split if judged else "", 0, "reason/bootstrap")
-    calibrated = _calibration(judged, [one.graph.after(steps) for one in judged])
+    calibrated = _calibration(judged, [one.graph.after(steps) for one in judged], steps)
     predicted = summarise_predictions(forecasts)
     causes = [(one.board, one.causes) for one in judged if one.causes is not None]
     caused = summarise_causes(causes, images, predicted["pred_a"], seed)
@@ -197,7 +197,7 @@ def summarise(judged: Sequence[JudgedGraph], images: int, seed: int) -> dict[str
         "by_kind": _summary_by_kind(judged, steps),
         "by_images": _curve(judged, forecasts, images),
         "by_board": {**_by_board(judged, steps), **caused.pop("by_board")},
-        "baselines": _baselines(judged, seed),
+        "baselines": _baselines(judged, steps, seed),
         **summarise_proposals([one.proposals for one in judged]),
         "world": ", ".join(sorted({one.board.world for one in judged})),
         **caused,
@@ -215,7 +215,7 @@ def object_intervals(judged: Sequence[JudgedGraph], steps: int, seed: int) -> di
     records: dict[str, list[_Record]] = {name: [] for name in (*m.EDGES, "pred_a")}
     for number, one in enumerate(judged):
         names, nothing = [placed.key for placed in one.board.objects], ""
-        claimed, true, candidates = one.graph.claimed(steps), one.truth.edges, one.truth.candidates
+        claimed, true, candidates = one.graph.claimed(steps), one.truth.edges(steps), one.truth.candidates
         for trigger in np.flatnonzero(candidates.any(axis=1)):
             own = np.zeros_like(candidates)
             own[trigger] = candidates[trigger]
@@ -241,31 +241,31 @@ def _over_objects(records: Sequence[_Record], rng: np.random.Generator) -> Inter
     return interval_over_objects(part, whole, [one[2] for one in records], [one[3] for one in records], rng)
 
 
-def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray]) -> Scores:
+def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray], steps: int) -> Scores:
     said = [p[one.truth.candidates] for one, p in zip(judged, probabilities, strict=True)]
-    true = [one.truth.edges[one.truth.candidates] for one in judged]
+    true = [one.truth.edges(steps)[one.truth.candidates] for one in judged]
     return m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
 
 
 def _bound(judged: Sequence[JudgedGraph], steps: int) -> float | None:
     """Over boards of the paper's world, as `BOUNDS`."""
     truths = [one.truth for one in judged if one.board.world == PAPER]
-    return m.shown_share([truth.edges for truth in truths], [truth.shown for truth in truths], steps)
+    return m.shown_share([truth.edges() for truth in truths], [truth.shown for truth in truths], steps)
 
 
 def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, Any]]:
     """Scores by kind of relation. A wrong edge has no kind: it counts for every kind that its trigger really has."""
-    kinds = sorted({kind for one in judged for names in one.truth.kinds.values() for kind in names})
+    kinds = sorted({kind for one in judged for names in one.truth.kinds(steps).values() for kind in names})
     result = {}
     for kind in kinds:
         counts = []
         for one in judged:
-            edges = one.graph.claimed(steps)
-            of_kind = np.zeros_like(one.truth.edges)
-            for pair, names in one.truth.kinds.items():
+            edges, true = one.graph.claimed(steps), one.truth.edges(steps)
+            of_kind = np.zeros_like(true)
+            for pair, names in one.truth.kinds(steps).items():
                 of_kind[pair] = kind in names
             of_trigger = np.asarray(of_kind.any(axis=1))[:, None]
-            wrong = edges & one.truth.candidates & ~one.truth.edges & of_trigger
+            wrong = edges & one.truth.candidates & ~true & of_trigger
             hits = int((edges & of_kind).sum())
             counts.append({"hits": hits, "claimed": hits + int(wrong.sum()), "true": int(of_kind.sum())})
         result[kind] = {**m.micro(counts, CLAIMS), "relations": m.totals(counts, CLAIMS)["true"]}
@@ -296,14 +296,14 @@ def _by_board(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, 
     }
 
 
-def _baselines(judged: Sequence[JudgedGraph], seed: int) -> dict[str, Scores]:
+def _baselines(judged: Sequence[JudgedGraph], steps: int, seed: int) -> dict[str, Scores]:
     graphs = [trivial_graphs(one.board, one.truth.candidates, seed) for one in judged]
     rows = {}
     for name in TRIVIAL_GRAPHS:
         claimed = [graph[name] for graph in graphs]
         pairs = zip(judged, claimed, strict=True)
-        counts = [m.count_edges(edges > 0, one.truth.edges, one.truth.candidates) for one, edges in pairs]
-        calibrated = _calibration(judged, claimed)
+        counts = [m.count_edges(edges > 0, one.truth.edges(steps), one.truth.candidates) for one, edges in pairs]
+        calibrated = _calibration(judged, claimed, steps)
         rows[name] = {**m.micro(counts, EDGES), "ece": calibrated["ece"], "brier": calibrated["brier"]}
     return rows
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from busybot.boards.spec import LinkRef, Relation
+from busybot.boards.spec import BODY, LinkRef, Relation, Rewiring
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
@@ -38,8 +38,8 @@ def judged(episode: Episode, *edges: tuple[int, int]) -> JudgedGraph:
 def test_truth_is_in_object_pairs() -> None:
     truth = truth_of(make_episode())
     assert {(int(i), int(j)) for i, j in np.argwhere(truth.candidates)} == CANDIDATES
-    assert truth.kinds == {(0, 1): ("one-to-one",), (3, 2): ("one-to-one",)}
-    assert truth.edges.sum() == 2
+    assert truth.kinds() == {(0, 1): ("one-to-one",), (3, 2): ("one-to-one",)}
+    assert truth.edges().sum() == 2
 
 
 def test_an_effect_is_shown_after_the_first_action_that_changed_the_responder() -> None:
@@ -91,6 +91,32 @@ def test_summary_of_claims_known_by_hand() -> None:
         "edge_r": {"part": [1, 0], "whole": [2, 2]},
         "pred_a": {"part": [0, 0], "whole": [0, 0]},
     }
+
+
+def test_edges_are_those_that_hold_after_what_was_observed() -> None:
+    """The second switch takes the first one's lamp with the eleventh action."""
+    episode = make_episode(0, steps=22)
+    old = next(one for one in episode.board.relations if one.responder == 1)
+    taken = old.model_copy(update={"triggers": (old.triggers[0].model_copy(update={"object": 3}),)})
+    rewirings = (Rewiring(step=10, relation=taken),)
+    episode.board = episode.board.model_copy(update={"rewirings": rewirings})
+    right, late = judged(episode, (3, 1), (3, 2)), judged(episode, (0, 1), (3, 2))
+    for one, images, share in ((right, 23, 1.0), (late, 23, 0.5), (right, 11, 0.5), (late, 11, 1.0)):
+        told = summarise([one], images, 0)
+        assert told["edge_p"] == told["edge_r"] == told["by_kind"]["one-to-one"]["edge_r"] == share
+        assert told["brier"] == pytest.approx((1 - share) * 4 / 6)
+        assert told["by_images"][9 - 1]["edge_r"] == (1.0 if one is late else 0.5)
+
+
+def test_kinds_are_those_of_edges_that_are_judged() -> None:
+    """A lamp that lets a door follow is no trigger: the pair is judged as parents, not as an edge."""
+    episode = make_episode(0, steps=22)
+    follows = episode.board.relations[0].model_copy(
+        update={"responder": 4, "triggers": (LinkRef(object=1, link=BODY),)}
+    )
+    episode.board = episode.board.model_copy(update={"relations": (*episode.board.relations, follows)})
+    told = summarise([judged(episode, (0, 1), (3, 2))], 23, 0)
+    assert told["counts"]["true"] == told["by_kind"]["one-to-one"]["relations"] == 2
 
 
 def test_intervals_over_objects_are_as_wide_as_triggers_are_few() -> None:
@@ -232,3 +258,5 @@ def test_decoders_come_from_the_training_boards(tiny: Path, tmp_path: Path) -> N
     assert result["decoder_accuracy"]["decoded"]["all"] > 0.95
     assert result["decoded"]["pred_a_unchanged"] > 0.9
     assert result["decoders"]["content_hash"] == boards.hashes().content
+    name = f"{boards.info.name} ({boards.info.split})"
+    assert list(result["hashes"]["data"]) == [name, f"decoders: {name}"]

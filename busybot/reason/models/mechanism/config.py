@@ -73,7 +73,8 @@ class MechanismConfig(FrozenModel):
         blur: what is told wrongly of these, as pictures do; of each by a share of its own.
         iterations: at most so many.
         batch: boards per iteration.
-        recorded: share of them that are recorded, on average; None for as many as there are among all boards.
+        recorded: share of them that are recorded, on average; fewer where there are so few, for each is in a batch
+            once. None for as many as there are among all boards.
         moments: numbers of actions after which each board is judged in one iteration, of six; drawn, small ones more
             often.
         learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero.

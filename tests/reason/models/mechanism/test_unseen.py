@@ -9,8 +9,8 @@ import torch
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BODY
+from busybot.boards.true_causes import relations_at
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.causes import relations_at
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.networks import MechanismNet
@@ -95,7 +95,7 @@ def test_the_truth_tells_which_triggers_decide_whatever_the_link() -> None:
         told = np.array([true_triggers(board, triggers, responders, actions) for actions in range(41)])
         assert told.shape == (41, len(triggers), len(responders)) and np.array_equal(told[0], told[1])
         for moment in {0, 40} | {one.step + more for one in board.rewirings for more in (0, 1)}:
-            relations = relations_at(board, moment - 1)  # what decides after the action of that number, from 0
+            relations = relations_at(board, moment)
             for place, responder in enumerate(responders):
                 read = [ref for one in relations if one.responder == responder for ref in one.triggers]
                 own = {ref.object for ref in read if ref.link != BODY}

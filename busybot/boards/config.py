@@ -32,6 +32,9 @@ USUAL_LINKS = 6
 """Boards have up to so many links unless more are asked for."""
 WORLD_LINKS = (4, USUAL_LINKS)
 """Fewer would be told apart by counting."""
+ROOM = 18
+"""More are not asked of switches that are drawn by default: two links on each of nine, with ten responders and a toy,
+fill a board."""
 SCENE_GROUP = 2
 """Boards of a scene that differ in wiring alone: the orderly one and another."""
 TASK_DEFAULTS = {"boards": 50, "group_size": 1}
@@ -55,6 +58,7 @@ class BoardConfig(FrozenModel):
         depth: least and most number of locks behind each other, in worlds that have them.
         plan: tasks of kind `reach` take at most so many actions.
         switches, lamps, responders, toys: inclusive ranges of counts; `responders` counts lamps and doors together.
+            Where fewer of these are drawn than the least number of lamps, all are lamps.
         max_objects: more are never placed.
         boards: how many; 50 by default with tasks, 6 in `real-board`.
         group_size: consecutive boards that share their appearance and differ in their relations (paper section 4.2);
@@ -102,6 +106,10 @@ class BoardConfig(FrozenModel):
             found = {"group_size": SCENE_GROUP, "links": None, **found}
         match values.get("links"):
             case [int(least), int(most)] if most > USUAL_LINKS:
+                if most >= least > ROOM and "switches" not in values:
+                    what = f"links: at least {least} are more than the {ROOM} for which boards have switches by default"
+                    own = "switches (of one to three links each), responders and max_objects"
+                    raise ValueError(f"{what}; ask for fewer, or give {own}, too")
                 found = {**_room_for(least, most), **found}
         if found.get("world") == REAL_BOARD:
             found = {"boards": 6, "group_size": 6, **found}
@@ -163,5 +171,6 @@ class BoardConfig(FrozenModel):
 
 def _room_for(least: int, most: int) -> dict[str, Any]:
     """Counts of objects with so many links: a switch has one to three, and every link has a responder of its own."""
-    switches, responders = (max(2, -(-least // 2)), min(most, 6)), (max(5, min(least, 9)), max(6, min(most, 10)))
+    fewest = max(2, -(-least // 2))
+    switches, responders = (fewest, max(fewest, min(most, 6))), (max(5, min(least, 9)), max(6, min(most, 10)))
     return {"switches": switches, "responders": responders, "lamps": (3, 8), "max_objects": 20, "margin": 0.05}

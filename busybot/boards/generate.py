@@ -177,7 +177,8 @@ def _draw_models(
 ) -> list[ObjectModel] | None:
     switches = int(rng.integers(*config.switches, endpoint=True))
     responders = int(rng.integers(*config.responders, endpoint=True))
-    lamps = int(rng.integers(config.lamps[0], min(config.lamps[1], responders), endpoint=True)) if responders else 0
+    fewest, most = (min(count, responders) for count in config.lamps)
+    lamps = int(rng.integers(fewest, most, endpoint=True)) if responders else 0
     toys = int(rng.integers(*config.toys, endpoint=True))
     if switches + responders + toys > config.max_objects:
         redraws["too_many"] += 1

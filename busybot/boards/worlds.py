@@ -464,7 +464,9 @@ def draw_locks(
     Only responders without chance or memory hold links, and only where links that come earlier drive them. So all can
     be opened, from the first to the last, and any states of the links can be reached: those of the last link first.
     No other link changes the responder while the link before it is where it was, so that none is opened out of turn: it
-    takes one action more than there are locks to move the last link. Links that control nothing are not held.
+    takes at least one action more than there are locks to move the last link, and more where a responder changes only
+    after two links have moved, or after a link with three states has moved twice. Links that control nothing are not
+    held.
 
     Returns:
         None if no chain of at least `depth[0]` locks is there.

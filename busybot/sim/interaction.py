@@ -34,7 +34,7 @@ from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Image, Step
 from busybot.sim.scene.board_scene import BoardScene
-from busybot.sim.scene.joints import TriggerJoint
+from busybot.sim.scene.joints import TriggerJoint, rest_at
 from busybot.sim.scene.real_camera import Photo, changed_area, take_photo
 
 
@@ -195,11 +195,17 @@ def pull(
     config: InteractionConfig,
     before: Image | None,
 ) -> tuple[float, int]:
-    """Move in growing distances; afterwards the joint rests where it was. Returns distance and the state reached."""
+    """Move in growing distances; afterwards all joints of the object rest where they were, also those taken along.
+
+    Returns:
+        distance and the state reached.
+    """
     joint = scene.triggers[number]
+    at_rest = joint.articulation.qpos
+    at_rest[joint.axis] = joint.rest(joint.state)
     drive = _attach(scene, joint, point, config)
     reached, distance = joint.state, 0.0
-    with joint.held() if scene.locked(number) else nullcontext():
+    with joint.alone(), joint.held() if scene.locked(number) else nullcontext():
         for count in range(1, config.increments + 1):
             distance = config.increment * count
             drive.set_drive_target(sapien.Pose((direction * distance).astype(np.float32)))
@@ -210,7 +216,7 @@ def pull(
             if _stopped(scene, number, reached, config, before):
                 break
     joint.body.entity.remove_component(drive)
-    joint.settle(joint.state)
+    rest_at(joint.articulation, range(len(at_rest)), at_rest)
     return round(distance, 6), reached
 
 

@@ -1,7 +1,7 @@
 """Portraits of single objects, for contact sheets: from obliquely above, on a plain ground with a soft shadow.
 
 Objects of one category are seen from equal or nearly equal distances, so that their sizes can be compared. Triggers
-rest in their first state; lamps are lit, doors ajar, and toys where they start.
+rest in their first state; what has a colour to show is lit, other doors are ajar, and toys where they start.
 """
 
 from collections.abc import Iterator, Sequence
@@ -111,8 +111,8 @@ def _portrait(simulator: Simulator, model: ObjectModel, size: int) -> np.ndarray
 
 
 def _pose(responder: Responder, category: str) -> None:
-    """Light a lamp; set a door ajar."""
-    if category == "Lamp":
+    """Light what is painted; set a door ajar."""
+    if responder.effect.type == "color":
         responder.show(1)
     elif category == "Door" and responder.effect.single is not None:
         values = np.array(responder.effect.single[:2])

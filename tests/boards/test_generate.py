@@ -27,6 +27,15 @@ def boards(library: Library, **options: object) -> list[BoardSpec]:
     return list(generate_boards(BoardConfig(**options), library))
 
 
+def test_where_fewer_responders_are_drawn_than_lamps_all_are_lamps() -> None:
+    counts = [
+        Counter(placed.category for placed in board.objects)
+        for board in boards(find("procedural"), boards=20, group_size=1, switches=(1, 2), responders=(2, 6))
+    ]
+    assert any(count["Lamp"] < 3 for count in counts) and any(count["Lamp"] > 3 for count in counts)
+    assert all(count["Lamp"] >= 3 or not count["Door"] for count in counts)
+
+
 @pytest.mark.parametrize("split", ["train", "novel-config", "novel-object"])
 def test_counts_are_those_of_the_protocol(library: Library, split: str) -> None:
     for board in boards(library, split=split, boards=200):

@@ -219,6 +219,17 @@ def test_a_board_does_not_depend_on_how_many_there_are() -> None:
 def test_more_links_on_request() -> None:
     found = boards(find("procedural"), "gates", boards=10, links=(7, 12))
     assert all(7 <= len(links_on(spec, find("procedural")).names) <= 12 for spec in found)
+    assert BoardConfig(world="gates", links=(7, 12)).switches == (4, 6)
+
+
+def test_for_many_links_there_are_enough_switches_up_to_what_a_board_has_room_for() -> None:
+    (spec,) = boards(find("procedural"), "gates", boards=1, links=(13, 13))
+    assert len(links_on(spec, find("procedural")).names) == 13
+    assert BoardConfig(world="gates", links=(18, 18)).switches == (9, 9)
+    with pytest.raises(ValueError, match="at least 19 are more than the 18"):
+        BoardConfig(world="gates", links=(19, 20))
+    many = BoardConfig(world="gates", links=(19, 20), switches=(10, 12), responders=(5, 6))
+    assert (many.switches, many.responders) == ((10, 12), (5, 6))
 
 
 @pytest.mark.parametrize(("world", "split"), [("latch", "train"), ("toggle", NOVEL), ("unreliable", NOVEL)])

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from busybot.objects.importing.annotation_edits import Choices, Overrides
+from busybot.objects.importing.importer import import_objects
+from busybot.objects.library import Library
+
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 BODY: Box = ((-0.1, -0.5, -0.6), (0.1, 0.5, 0.6))
 """A wall plate: 0.2 deep, 1 wide, 1.2 high."""
@@ -59,6 +63,31 @@ def make_raw(folder: Path, category: str | None, *links: Link, body: Box = BODY,
     for name, value in changes.items():
         (folder / name.replace("__", ".")).write_text(value)
     return folder
+
+
+def library_of(folder: Path, urdf: str, **choices: Any) -> Library:
+    """A library with one object, `thing`, of a URDF without mesh files, imported with these choices."""
+    raw = folder / "raw" / "thing"
+    raw.mkdir(parents=True)
+    (raw / "mobility.urdf").write_text(f'<robot name="thing">{urdf}</robot>')
+    given = Overrides(None, {"thing": Choices(**choices)}, {})
+    (outcome,) = import_objects([raw], folder / "library", given)
+    assert outcome.problem is None, outcome.problem
+    return Library.load(folder / "library")
+
+
+def box_link(name: str, size: str, place: str = "0 0 0", inside: str = "") -> str:
+    """A link that is a box; `inside` is what else its `<visual>` has."""
+    shown = f'<origin xyz="{place}"/><geometry><box size="{size}"/></geometry>{inside}'
+    return f'<link name="{name}"><visual>{shown}</visual></link>'
+
+
+BOX_LAMP = (
+    '<link name="base"/>{foot}{shade}'
+    '<joint name="j0" type="fixed"><parent link="base"/><child link="foot"/></joint>'
+    '<joint name="j1" type="fixed"><parent link="foot"/><child link="shade"/></joint>'
+).format(foot=box_link("foot", "0.4 0.4 0.2", "0 0 0.1"), shade=box_link("shade", "0.3 0.3 0.4", "0 0 0.4"))
+"""A lamp whose shade is a box, which is painted."""
 
 
 def _mesh(path: Path, box: Box) -> None:

@@ -1,17 +1,22 @@
 """Actions: misses, the stopping rule, strict mode and rewards."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import sapien
 
 from busybot.boards.config import BoardConfig
-from busybot.boards.directions import OPPOSITE
+from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.boards.generate import generate_boards
 from busybot.episodes.camera import Rays
 from busybot.sim.builtin_policies import RandomPolicy, ScriptedPolicy
-from busybot.sim.interaction import InteractionConfig, changed_pixels, interact, permitted
+from busybot.sim.interaction import InteractionConfig, changed_pixels, interact, permitted, pull
 from busybot.sim.policy import oracle_observation
 from busybot.sim.recorder import grasp_at
 from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.thumbnails import lone_board
+from tests.objects.raw_objects import box_link, library_of
 
 
 def scenes(simulator: Simulator, count: int, seed: int = 0) -> list[BoardScene]:
@@ -89,6 +94,33 @@ def test_a_joint_that_did_not_cross_its_detent_snaps_back(procedural_simulator: 
     assert not step.success and after is None
     assert scene.joint_positions() == before
     assert np.array_equal(scene.observe().rgb, image.rgb)
+
+
+CARRIAGE = (
+    box_link("base", "0.9 0.5 0.1", "0 0 0.05"),
+    box_link("carriage", "0.2 0.3 0.1", "0 0 0.15"),
+    box_link("lever", "0.08 0.08 0.4", "0 0 0.2"),
+    '<joint name="slides" type="prismatic"><parent link="base"/><child link="carriage"/><axis xyz="1 0 0"/>'
+    '<limit lower="-0.25" upper="0.25"/></joint>',
+    '<joint name="turns" type="revolute"><parent link="carriage"/><child link="lever"/><origin xyz="0 0 0.15"/>'
+    '<axis xyz="0 1 0"/><limit lower="-0.5" upper="0.5"/></joint>',
+)
+"""A lever on a carriage that slides."""
+
+
+@pytest.mark.parametrize("links", [{"lever": "two-state"}, {"carriage": "two-state", "lever": "two-state"}])
+def test_what_a_pull_takes_along_is_put_back(tmp_path: Path, links: dict[str, str]) -> None:
+    """Also a joint that is no trigger's."""
+    library = library_of(tmp_path, "".join(CARRIAGE), category="Switch", links=links, orientation=(0, 0, 0, 1))
+    scene = Simulator(library, None).board(lone_board(library.get("Switch/thing")))
+    lever = len(links) - 1
+    articulation = scene.triggers[lever].articulation
+    before, ends = articulation.qpos, []
+    for direction in DIRECTIONS:
+        point = (scene.triggers[lever].body.entity.pose * sapien.Pose([0, 0, 0.1])).p
+        ends.append(pull(scene, lever, point, direction, InteractionConfig(), None)[1])
+        assert np.array_equal(articulation.qpos, before) and not articulation.qvel.any()
+    assert 0 < sum(ends) < len(ends)
 
 
 def test_strict_mode_vetoes_what_is_off_the_annotation(procedural_simulator: Simulator) -> None:

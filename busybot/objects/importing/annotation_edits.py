@@ -215,7 +215,7 @@ def write_review(
         value = choices.model_dump(mode="json", exclude_none=True)
         text = yaml.safe_dump({instance: value}, sort_keys=False, default_flow_style=None, width=110)
         parts += [f"  {line}\n" for line in text.splitlines()]
-    parts += [f"# {instance} is refused: {_one_line(problem)}\n" for instance, problem in refused.items()]
+    parts += [f"# {_one_line(instance)} is refused: {_one_line(problem)}\n" for instance, problem in refused.items()]
     write_atomically(path, "".join(parts).encode())
 
 

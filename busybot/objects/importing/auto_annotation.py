@@ -2,8 +2,8 @@
 
 Which links move, how far and which way is measured on the vertices at both ends of each joint.
 
-A joint *moves* when it is not fixed, its link shows something and it has a range (a turning joint without limits has a
-quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without limits does not count). Sizes are those at rest: joints at
+A joint *moves* when it is not fixed, its link shows something and it has a range (a turning joint without end has a
+quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without end does not count). Sizes are those at rest: joints at
 0, or at the limit nearest to 0. `benchmarks/studies/import_rules.py` compares the rules with the annotation of the
 58 objects.
 

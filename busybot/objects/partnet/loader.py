@@ -14,7 +14,9 @@ from busybot.objects.partnet.meshes import check_meshes
 from busybot.objects.partnet.urdf import Joint, bounds, flatter_first, link_vertices, parse_urdf
 
 UNLIMITED_RANGE = (0.0, 1.5707963267948966)
-"""Joint limits (radians) that stand for missing or infinite ones: a quarter turn."""
+"""Joint limits (radians) that stand for those of a continuous joint, and for infinite ones: a quarter turn."""
+WHOLE = "body"
+"""What boards and recordings call an object as a whole (`boards.spec.BODY`): no moving link may have this name."""
 
 Triple = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 Pair = tuple[tuple[float, ...], tuple[float, ...]]
@@ -100,6 +102,10 @@ class _Builder:
                 self.refuse(f"{place} {cause.JointId} moves {joint.child!r}, which is not in Movable_link")
             if not self.urdf.visuals.get(joint.child):
                 self.refuse(f"{place} {cause.JointId} moves {joint.child!r}, which shows nothing")
+            if joint.child == WHOLE:
+                hint = "rename the link in the URDF, and in Movable_link where there is an annotation"
+                what = f"joint {joint.name!r} moves the link {WHOLE!r}, which is what boards call an object as a whole"
+                self.snapshot.refuse("mobility.urdf", what, hint)
             lower, upper = limits(joint)
             if upper - lower < 1e-6:
                 self.refuse(f"{place}: the joint {joint.name!r} has no range: {lower} to {upper}")

@@ -183,7 +183,10 @@ class _Reader:
     def limit(self, joint: Element, name: str, attribute: str) -> float | None:
         element = joint.find("limit")
         text = None if element is None else element.get(attribute)
-        if text is None or text.strip().lower().lstrip("+-") in ("inf", "infinity"):
+        if text is None:
+            hint = "give both limits, numbers or inf; a joint that turns without end is of the type continuous"
+            self.refuse(f"joint {name!r} has no {attribute} limit", hint)
+        if text.strip().lower().lstrip("+-") in ("inf", "infinity"):
             return None
         return self.number(text.strip(), f"joint {name!r}: limit {attribute}")
 
@@ -191,6 +194,8 @@ class _Reader:
         name, kind = self.name(element), element.get("type", "")
         if kind not in JOINT_TYPES:
             self.refuse(f"joint {name!r} has the type {kind[:40]!r}", f"use one of {', '.join(JOINT_TYPES)}")
+        if element.find("mimic") is not None:
+            self.refuse(f"joint {name!r} follows another joint: <mimic> is not simulated", "remove the <mimic>")
         ends = []
         for tag in ("parent", "child"):
             end = element.find(tag)

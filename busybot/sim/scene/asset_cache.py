@@ -18,7 +18,7 @@ from sapien.wrapper.articulation_builder import ArticulationBuilder
 
 from busybot.common.errors import BusybotError
 from busybot.objects.model import ObjectModel
-from busybot.sim.scene.mesh_store import component, meshes_of
+from busybot.sim.scene.mesh_store import component, meshes_of, with_own_materials
 
 KEPT = 64
 """Objects that stay loaded, about 6 MB each: more than the paper's 58."""
@@ -87,7 +87,9 @@ class Builders:
                     link.visual_records = []
                 elif meshes is not None:
                     link.build_render_component = partial(component, link, model.folder, meshes)
-                if link.visual_records and link.name != painted:
+                if link.name == painted:
+                    link.build_render_component = partial(with_own_materials, link, link.build_render_component)
+                elif link.visual_records:
                     link.build_render_component = link.build_render_component().clone
         except Exception as error:  # the loader raises whatever its parsers raise
             raise BusybotError(f"{model.urdf}: SAPIEN cannot load it: {error}", "busybot assets check") from error

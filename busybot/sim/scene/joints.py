@@ -76,6 +76,21 @@ class TriggerJoint:
             joint.set_limits(np.array([[self.lower, self.upper]], np.float32))
             joint.set_armature(np.zeros(1, np.float32))
 
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep the joints that carry this one in their places, or a pull would move them in its stead."""
+        carriers, link = [], self.body.parent
+        while link is not None:
+            carriers += [link.joint] if link.joint.dof else []
+            link = link.parent
+        for joint in carriers:
+            joint.set_armature(np.full(joint.dof, INERTIA, np.float32))
+        try:
+            yield
+        finally:
+            for joint in carriers:
+                joint.set_armature(np.zeros(joint.dof, np.float32))
+
     def settle(self, state: int) -> None:
         """Snap into the state's detent, at rest."""
         self.state = state
@@ -111,7 +126,7 @@ class Responder:
             rest_at(self.articulation, self.axes, self.values[state])
 
 
-def rest_at(articulation: Any, axes: tuple[int, ...], positions: Sequence[float]) -> None:
+def rest_at(articulation: Any, axes: Sequence[int], positions: Sequence[float]) -> None:
     """Put some joints of an articulation to these positions, all at rest."""
     every = articulation.qpos
     every[list(axes)] = positions

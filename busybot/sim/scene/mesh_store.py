@@ -7,9 +7,9 @@ of the object's files and by SAPIEN's version; a damaged or unwritable cache cos
 
 import io
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +75,7 @@ def meshes_of(model: ObjectModel, links: Iterable[LinkBuilder]) -> Meshes | None
 
 
 def component(link: LinkBuilder, folder: Path, meshes: Meshes) -> Any:
-    """A body that looks like the link, with materials of its own.
+    """A body that looks like the link; its materials are its own but for those of the link's records.
 
     Args:
         folder: the object's.
@@ -86,6 +86,27 @@ def component(link: LinkBuilder, folder: Path, meshes: Meshes) -> Any:
             body.attach(_shape(record, part, folder))
     body.name = link.name
     return body
+
+
+def with_own_materials(link: LinkBuilder, build: Callable[[], Any]) -> Any:
+    """The body that `build` makes of the link's records, with copies of their materials.
+
+    Primitives and what the URDF paints have their materials in the records: without copies all bodies would share them,
+    and painting one would paint all.
+    """
+    records = link.visual_records
+    link.visual_records = [replace(one, material=one.material and _copy(one.material)) for one in records]
+    try:
+        return build()
+    finally:
+        link.visual_records = records
+
+
+def _copy(material: Any) -> Any:
+    made = sapien.render.RenderMaterial(**{name: getattr(material, name) for name in _VALUES})
+    for kind in ("base_color", *_OTHER_TEXTURES):
+        setattr(made, f"{kind}_texture", getattr(material, f"{kind}_texture"))
+    return made
 
 
 def _shape(record: VisualShapeRecord, part: Part, folder: Path) -> Any:

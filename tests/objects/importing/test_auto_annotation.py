@@ -1,5 +1,6 @@
 """The import rules decide as a reviewer would: on objects made for each rule, on the paper's and on a real raw one."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -147,7 +148,8 @@ def test_what_a_reviewer_gives_is_kept(tmp_path: Path) -> None:
         ("Switch", [], "no joint moves anything"),
         ("Table", [], "no joint moves anything"),
         ("Door", [Link("door", LEAF.box, limits=(0, 0))], "no joint moves anything"),
-        ("Switch", [Link("slider", ROCKER.box, "prismatic", limits=None)], "no joint moves anything"),
+        ("Switch", [Link("slider", ROCKER.box, "prismatic", limits=(-math.inf, math.inf))], "no joint moves anything"),
+        ("Switch", [Link("slider", ROCKER.box, "prismatic", limits=None)], "no lower limit"),
         ("Lamp", [], "single link"),
         ("Bottle", [Link("cap", ROCKER.box, "floating")], "floating"),
     ],
@@ -248,7 +250,7 @@ def test_links_that_are_left_out_are_named(tmp_path: Path) -> None:
     ]
     decision, _ = decided(make_raw(tmp_path / "1", "Remote", *buttons))
     assert any("left out" in note and "link_2 (button2)" in note and "link_0" not in note for note in decision.notes)
-    free = Link("slider", ROCKER.box, "prismatic", (-1, 0, 0), None)
+    free = Link("slider", ROCKER.box, "prismatic", (-1, 0, 0), (-math.inf, math.inf))
     decision, _ = decided(make_raw(tmp_path / "2", "Switch", ROCKER, free))
     assert any("left out" in note and "link_1 (slider)" in note for note in decision.notes)
     assert "left out" not in " ".join(decided(make_raw(tmp_path / "3", "Switch", ROCKER))[0].notes)

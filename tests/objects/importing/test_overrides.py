@@ -4,7 +4,9 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices, read_overrides, write_review
 from busybot.objects.importing.importer import import_objects
@@ -26,6 +28,18 @@ def test_a_proposal_read_again_decides_the_same(tmp_path: Path) -> None:
     assert "# StorageFurniture (meta.json) serves as Door" in text and "# 4 is refused: is?bad?[31m" in text
     again = list(import_objects(folders, None, read_overrides(file)))
     assert [outcome.choices for outcome in again] == [outcome.choices for outcome in first]
+
+
+def test_a_folders_name_begins_no_line_of_its_own(tmp_path: Path) -> None:
+    name = "x\nobjects:\n  '1': {use: false}\n#"
+    make_raw(tmp_path / "raw" / "1", "Lamp", ROCKER, LEVER)
+    make_raw(tmp_path / "raw" / name, "Lamp", ROCKER, LEVER)
+    file = tmp_path / "review.yaml"
+    for words in (["import", str(tmp_path / "raw"), "--review", str(file)], ["check", str(tmp_path / "raw")]):
+        told = CliRunner().invoke(app, ["assets", *words])
+        assert told.exit_code == 1 and r"x\nobjects:\n  '1': {use: false}\n#" in told.output
+        assert "objects:" not in told.output.splitlines()
+    assert read_overrides(file).choices["1"].use
 
 
 FAULTS = {

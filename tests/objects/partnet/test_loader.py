@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from busybot.boards.spec import BODY
 from busybot.common.errors import BusybotError
 from busybot.objects.partnet.loader import UNLIMITED_RANGE, load_object
 
@@ -131,6 +132,12 @@ def link_out(folder: Path) -> None:
     (folder / MESH).symlink_to(outside)
 
 
+def call_the_link_body(folder: Path) -> None:
+    urdf = folder / "mobility.urdf"
+    urdf.write_text(urdf.read_text().replace('"body"', '"frame"').replace('"link_0"', f'"{BODY}"'))
+    annotate(Movable_link={BODY: {}})(folder)
+
+
 def many_vertices(folder: Path) -> None:
     (folder / MESH).write_text("v 0 0 0\n" * 200_001 + "f 1 2 3\n")
 
@@ -195,6 +202,13 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "infinite mass": (rewrite("mobility.urdf", 'mass value="10"', 'mass value="1e999"'), "mass"),
     "two links of one name": (rewrite("mobility.urdf", 'name="link_0"', 'name="body"'), "body"),
     "joint of an unknown link": (rewrite("mobility.urdf", 'child link="link_0"', 'child link="link_9"'), "link_9"),
+    "joint that follows another one": (
+        rewrite("mobility.urdf", "<limit", '<mimic joint="joint_0"/><limit'),
+        "'joint_0' follows another joint",
+    ),
+    "no limits": (rewrite("mobility.urdf", "<limit", "<nothing"), "joint 'joint_0' has no lower limit"),
+    "one limit": (rewrite("mobility.urdf", ' upper="0.26"', ""), "joint 'joint_0' has no upper limit"),
+    "moving link with the name of the whole": (call_the_link_body, "moves the link 'body'"),
     "cycle of joints": (rewrite("mobility.urdf", "</robot>", CYCLE), "cycle"),
     "SRDF beside the URDF": (lambda folder: (folder / "mobility.srdf").write_text("<robot/>"), "SRDF"),
     "too many links": (
@@ -247,6 +261,13 @@ def test_a_small_texture_is_fine(thing: Path) -> None:
 
 def test_missing_limits_are_a_quarter_turn(thing: Path) -> None:
     rewrite("mobility.urdf", 'type="prismatic"', 'type="continuous"')(thing)
+    (link,) = load_object(thing).trigger_links
+    assert (link.joint_type, link.lower, link.upper) == ("revolute", *UNLIMITED_RANGE)
+
+
+def test_infinite_limits_are_a_quarter_turn(thing: Path) -> None:
+    rewrite("mobility.urdf", 'lower="-0.26" upper="0.26"', 'lower="-inf" upper="inf"')(thing)
+    rewrite("mobility.urdf", 'type="prismatic"', 'type="revolute"')(thing)
     (link,) = load_object(thing).trigger_links
     assert (link.joint_type, link.lower, link.upper) == ("revolute", *UNLIMITED_RANGE)
 

@@ -10,11 +10,15 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.objects.importing.importer import import_objects
+from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.scene import asset_cache as builders
 from busybot.sim.scene.asset_cache import Builders
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
+from busybot.sim.thumbnails import lone_board
+from tests.objects.raw_objects import BOX_LAMP, STICK, Link, library_of, make_raw
 
 SMALL = RenderConfig(width=160, height=120)
 ROOT = Path(__file__).resolve().parents[3]
@@ -29,6 +33,28 @@ def test_the_least_recently_used_objects_are_forgotten(monkeypatch: pytest.Monke
     kept.forget()
     assert kept.get(models[0], 1.0) is first and kept.get(models[2], 1.0) is third
     assert kept.get(models[1], 1.0) is not second
+
+
+@pytest.mark.parametrize("looks", ["primitives", "meshes"])
+def test_of_two_equal_lamps_one_is_lit_alone(tmp_path: Path, looks: str) -> None:
+    """Of boxes, and of a mesh that the URDF paints: their materials are not made anew for each object."""
+    if looks == "primitives":
+        library = library_of(tmp_path, BOX_LAMP, category="Lamp")
+    else:
+        raw = make_raw(tmp_path / "raw" / "thing", "Lamp", Link("shade", STICK.box, "fixed", limits=None))
+        urdf = (raw / "mobility.urdf").read_text()
+        paint = '</geometry><material name="white"><color rgba="0.9 0.9 0.9 1"/></material>'
+        (raw / "mobility.urdf").write_text(urdf.replace("</geometry>", paint))
+        list(import_objects([raw], tmp_path / "library"))
+        library = Library.load(tmp_path / "library")
+    model = library.get("Lamp/thing")
+    alone = lone_board(model)
+    pair = [alone.objects[0].model_copy(update={"position": (x, 0, model.offset_z)}) for x in (-1, 1)]
+    scene = Simulator(library, SMALL).board(alone.model_copy(update={"objects": tuple(pair)}))
+    before = scene.observe().rgb
+    scene.responders[0].show(1)
+    changed = (scene.observe().rgb != before).any(axis=(0, 2))
+    assert changed[: len(changed) // 2].any() and not changed[len(changed) // 2 :].any()
 
 
 @pytest.mark.long

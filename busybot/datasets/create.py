@@ -12,7 +12,7 @@ from busybot.common.config import changes
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import HINT_OTHER, INFO_FILE, Dataset
-from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo
+from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo, name_of
 from busybot.datasets.manifest import refuse_frozen
 from busybot.objects.library import Library
 
@@ -51,7 +51,7 @@ def create_dataset(
 
     def info() -> DatasetInfo:
         return DatasetInfo(
-            name=path.resolve().name,
+            name=name_of(path.resolve().name),
             split=config.split,
             seed=config.seed,
             boards=config.boards,

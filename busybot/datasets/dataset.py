@@ -60,6 +60,7 @@ from busybot.episodes.tables import (
     HINT_TABLES,
     MADE_OF_KEY,
     Rows,
+    counts_of,
     episode_rows,
     read_shard,
     split_by_episode,
@@ -146,7 +147,8 @@ class Dataset:
     def grow(self, info: Callable[[], DatasetInfo], boards: Iterable[BoardSpec]) -> "Dataset":
         """Add boards; those that are there must be the first of `boards`, and episodes stay.
 
-        `dataset.json` is written last: a killed call is simply repeated.
+        `dataset.json` is written after the boards: a killed call is simply repeated, also with another number. What it
+        wrote beyond the boards that `dataset.json` tells is not read.
 
         Args:
             info: tells how many boards there are and what stands on them when the last one is drawn.
@@ -160,14 +162,18 @@ class Dataset:
             recorded = Dataset.open(self.path).info
             make_folder(folder / "boards")
             written, kept = _write_boards(folder, self.path, iter(boards)), -(-recorded.boards // BOARDS_PER_SHARD)
-            for name in map(_boards_name, range(kept)):
-                before = read_regular(inside(self.path, name), MAX_LINES_BYTES, HINT_GENERATE)
+            for number, name in enumerate(map(_boards_name, range(kept))):
+                before = b"".join(b"%s\n" % line for line in Dataset(self.path, recorded)._lines(number))
                 if not read_regular(folder / name, MAX_LINES_BYTES).startswith(before):
                     raise BusybotError(f"{self.path / name}: its boards would be drawn otherwise today", HINT_OTHER)
             for shard in reversed(range(max(kept - 1, 0), -(-written // BOARDS_PER_SHARD))):
                 rename(folder / _boards_name(shard), place / _boards_name(shard), place.parent)
             grown = info().model_copy(update={"name": recorded.name, "collect": recorded.collect})
             write_json(inside(self.path, INFO_FILE), grown.model_dump(mode="json"))
+            last = place / _boards_name((written - 1) // BOARDS_PER_SHARD)
+            for file in sorted(last.parent.glob("boards-*.jsonl")):
+                if file.name > last.name:
+                    remove(file, place)  # of a killed call that was to grow further
         return Dataset(self.path, grown)
 
     def boards(self) -> list[BoardSpec]:
@@ -198,10 +204,10 @@ class Dataset:
         file = inside(self.path, _boards_name(shard))
         lines = read_regular(file, MAX_LINES_BYTES, HINT_GENERATE).splitlines()
         expected = min(BOARDS_PER_SHARD, self.info.boards - shard * BOARDS_PER_SHARD)
-        if len(lines) != expected:
+        if not expected <= len(lines) <= BOARDS_PER_SHARD:
             what = f"{file}: it should have {expected} lines, one for each board, and has {len(lines)}"
             raise BusybotError(what, HINT_GENERATE)
-        return lines
+        return lines[:expected]  # more are of boards with which the dataset was about to grow, see `grow`
 
     def board_place(self, index: int) -> str:
         """File and line of a board, for messages."""
@@ -372,7 +378,8 @@ class Dataset:
         """A shard that was made of the episodes which are there now."""
         episodes = self._whole_shard(shard, indices)
         rows = episodes if name == "episodes" else None
-        rows = read_shard(self.table_path(name, shard), name, columns) if rows is None else rows
+        most = None if episodes is None else counts_of(episodes)[name]
+        rows = read_shard(self.table_path(name, shard), name, columns, most) if rows is None else rows
         if episodes is None or _origin(rows) not in {_origin(episodes)} & {None, _made_of(episodes).encode()}:
             what = f"{self.table_path(name, shard)}: it was not made of the episodes that are there now"
             raise BusybotError(what, HINT_TABLES)
@@ -518,8 +525,11 @@ class Dataset:
 
     def stored_rows(self, shard: int, names: Sequence[str] = tuple(TABLES)) -> dict[int, Rows]:
         """Rows of the shard by episode of the first table; nothing if its files are not all there and of one origin."""
+        whole: dict[str, pa.Table] = {}
         try:
-            whole = {name: read_shard(self.table_path(name, shard), name) for name in names}
+            for name in names:  # `episodes` first, which tell how much the others may hold
+                most = counts_of(whole["episodes"])[name] if "episodes" in whole else None
+                whole[name] = read_shard(self.table_path(name, shard), name, most=most)
         except BusybotError:
             return {}
         if len({_origin(rows) for rows in whole.values()}) > 1:
@@ -548,8 +558,7 @@ def _made_of(episodes: pa.Table) -> str:
 
 def _is_whole(rows: Rows) -> bool:
     """Whether an episode's rows are there in all tables: a writer may have been stopped between two of them."""
-    steps = rows["episodes"]["steps"][0].as_py()
-    return rows["steps"].num_rows == steps and rows["objects"].num_rows > 0
+    return counts_of(rows["episodes"]) == {name: rows[name].num_rows for name in TABLES}
 
 
 def _write_boards(folder: Path, path: Path, boards: Iterator[BoardSpec]) -> int:

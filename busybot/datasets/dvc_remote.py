@@ -7,11 +7,13 @@ manifest before it gets its name. Each works in a DVC repository of its own, so 
 A pointer and what a remote answers may come from anybody: both may name nothing outside of the dataset's folder.
 """
 
+import hashlib
 import json
 import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -19,11 +21,19 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, ValidationError
 
-from busybot.common.atomic_io import copy_file, make_folder, remove, rename, write_atomically
+from busybot.common.atomic_io import copy_file, make_folder, open_regular, remove, rename, scan, write_atomically
 from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
-from busybot.datasets.manifest import is_frozen, is_plain_path, plain_files, read_manifest, unlike_manifest
+from busybot.common.limits import MAX_HASHED_BYTES
+from busybot.datasets.manifest import (
+    MANIFEST_FILE,
+    is_frozen,
+    is_plain_path,
+    plain_files,
+    read_manifest,
+    unlike_manifest,
+)
 
 LARGEST_POINTER = 10_000
 LARGEST_LISTING = 1 << 30
@@ -58,7 +68,7 @@ class Shared:
 
 
 def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
-    """Send a frozen dataset, and write its pointer.
+    """Send a frozen dataset, and write its pointer: of a link, beside the folder that it leads to.
 
     Args:
         remote: a folder, or an address that DVC understands, such as `s3://bucket/path`. Credentials come from the
@@ -71,12 +81,13 @@ def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     if not is_frozen(dataset):
         raise BusybotError(f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {dataset}")
     _must_be_whole(dataset)
-    pointer = pointer_of(dataset)
+    place = _folder_of(dataset)
+    pointer = pointer_of(place)
     with tempfile.TemporaryDirectory(prefix="busybot-push-") as folder:
         dvc = _Repository(Path(folder), remote, endpoint)
-        dvc.run("add", "--quiet", "--to-remote", "--remote", REMOTE, str(dataset.resolve()))
+        dvc.run("add", "--quiet", "--to-remote", "--remote", REMOTE, str(place.resolve()))
         text = (Path(folder) / pointer.name).read_bytes()
-        out = read_pointer(Path(folder) / pointer.name, dataset.resolve().name)
+        out = read_pointer(Path(folder) / pointer.name, place.name)
     write_atomically(pointer, text)
     return Shared(dataset, pointer, out.nfiles, out.size)
 
@@ -88,12 +99,17 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
         BusybotError: there is no pointer, it or the remote's listing leaves the folder, something else is in the way,
             DVC is missing, the storage refuses, or what came is not what the manifest says.
     """
+    if dataset.is_symlink():
+        raise BusybotError(f"{dataset}: something else is there", "move it away")
+    dataset = _folder_of(dataset)
     pointer = pointer_of(dataset)
     out = read_pointer(pointer, dataset.name)
-    if dataset.exists() or dataset.is_symlink():
-        if dataset.is_symlink() or not is_frozen(dataset):
+    if dataset.exists():
+        if not is_frozen(dataset):
             raise BusybotError(f"{dataset}: something else is there", "move it away")
         _must_be_whole(dataset)
+        if out.md5 not in _addresses(dataset):
+            raise BusybotError(f"{dataset}: it is not the dataset that {pointer} means", "move it away")
         return Shared(dataset, pointer, out.nfiles, out.size, new=False)
     work = dataset.parent / f".{dataset.name}.pull"
     make_folder(work, dataset.parent)
@@ -114,8 +130,32 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
 
 def pointer_of(dataset: Path) -> Path:
     """The pointer's file, beside the dataset."""
-    resolved = dataset.parent.resolve() / dataset.name if dataset.name else dataset.resolve()
-    return dataset.parent / f"{resolved.name}.dvc"
+    return dataset.with_name(f"{dataset.name}.dvc")
+
+
+def _folder_of(dataset: Path) -> Path:
+    """The folder itself, after which DVC names the pointer, also where a link or `.` stands for it."""
+    own_name = dataset.name not in ("", "..") and not dataset.is_symlink()
+    return dataset if own_name else dataset.resolve()
+
+
+def _addresses(dataset: Path) -> set[str]:
+    """What DVC would call this frozen dataset: as it is, and without the hidden files that came in after freezing."""
+    frozen = {*read_manifest(dataset).files, MANIFEST_FILE}
+    hashes = {name: _md5_of(dataset / name) for name in scan(dataset).files}
+    return {_address_of(hashes), _address_of({name: hashes[name] for name in frozen})}
+
+
+def _md5_of(file: Path) -> str:
+    with open_regular(file, MAX_HASHED_BYTES) as opened:
+        return hashlib.file_digest(opened, lambda: hashlib.md5(usedforsecurity=False)).hexdigest()
+
+
+def _address_of(hashes: Mapping[str, str]) -> str:
+    """DVC's name of a folder: the MD5 of the list of its files with theirs, as DVC writes it."""
+    listing = [{"md5": hashes[name], "relpath": name} for name in sorted(hashes)]
+    data = json.dumps(listing, sort_keys=True).encode()
+    return f"{hashlib.md5(data, usedforsecurity=False).hexdigest()}.dir"
 
 
 def read_pointer(pointer: Path, name: str) -> _Out:

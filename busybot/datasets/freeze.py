@@ -22,6 +22,7 @@ from busybot.common.atomic_io import (
     read_regular,
     refuse_taken,
     remove,
+    remove_abandoned,
     rename,
     scan,
     unfinished,
@@ -291,6 +292,7 @@ def copy_tiny(out: Path) -> int:
         raise BusybotError(f"{places[0]}: this package came without it", "install busybot from a wheel or a checkout")
     refuse_taken(out)
     make_folder(out.parent)
+    remove_abandoned(out.parent, out.name)
     names = scan(source).files
     with unfinished(out.parent, out.name) as partial:
         for name in names:

@@ -20,7 +20,7 @@ from busybot.common.limits import MAX_HASHED_BYTES, MAX_RECORDING_BYTES
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
 from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
-from busybot.datasets.info import CollectInfo
+from busybot.datasets.info import DatasetInfo
 from busybot.datasets.manifest import is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.salvage import Salvaged, salvage
@@ -105,7 +105,7 @@ def _repair(
     leftovers = target.remove_leftovers()
     boards = source.boards()
     finished = source.finished_by_shard()
-    examine = partial(_examine, collect=source.info.collect, keep_partial=keep_partial)
+    examine = partial(_examine, info=source.info, keep_partial=keep_partial)
     rows: dict[int, Rows] = {}
     verdicts: list[RepairVerdict] = []
     episodes = sum(map(len, finished.values()))
@@ -134,9 +134,7 @@ def _stored(dataset: Dataset, shard: int) -> dict[int, Rows]:
     return dict(found)
 
 
-def _examine(
-    task: _Task, collect: CollectInfo | None, keep_partial: bool
-) -> tuple[RepairVerdict, Rows | None, bytes | None]:
+def _examine(task: _Task, info: DatasetInfo, keep_partial: bool) -> tuple[RepairVerdict, Rows | None, bytes | None]:
     """Verdict on a file, its rows for the tables, and the bytes that replace it; runs in a worker."""
     file, index, board_digest, stored = task
     verdict, data = RepairVerdict(index, "sound"), None
@@ -148,11 +146,11 @@ def _examine(
         try:
             saved = _save(file)
             data, rows = saved.data, episode_rows(file, index, saved.data)
-            _check_stored(stored, rows, saved.whole)
+            _check_stored(stored, rows, saved)
         except BusybotError as other:
             return RepairVerdict(index, "dropped", f"{fault}; {without_name(other, file)}"), None, None
         verdict = RepairVerdict(index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
-    faults = faults_of(rows, index, board_digest, collect)
+    faults = faults_of(rows, index, board_digest, info)
     if not keep_partial and is_partial(rows["episodes"]["settings"][0].as_py()):
         faults.append("it could be saved in part only")
     if faults:
@@ -167,9 +165,10 @@ def _save(file: Path) -> Salvaged:
         raise MemoryError(str(file)) from None  # where there is more of it, nothing may be wrong
 
 
-def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
-    """What is saved must agree with what the tables remember of the file as it was."""
-    if whole and "episodes" in stored:
+def _check_stored(stored: Rows, rows: Rows, saved: Salvaged) -> None:
+    """What is saved must agree with what the tables remember of the file as it was, and all of it must be certain."""
+    remembers_all = saved.whole and "episodes" in stored
+    if remembers_all:
         name = "content_digest"
         if stored["episodes"][name][0] != rows["episodes"][name][0]:
             raise BusybotError("what is left of it differs from what the tables say of it")
@@ -177,6 +176,8 @@ def _check_stored(stored: Rows, rows: Rows, whole: bool) -> None:
         remembered = stored["steps"].slice(0, rows["steps"].num_rows)
         if not all(remembered[name].equals(rows["steps"][name]) for name in remembered.column_names):
             raise BusybotError("the steps that are left differ from those in the tables")
+    if not (saved.certain or remembers_all):
+        raise BusybotError("its scale of depth is not the usual one, and nothing tells whether that part is damaged")
 
 
 def _put(source: Dataset, target: Dataset, verdict: RepairVerdict, data: bytes | None) -> None:

@@ -13,7 +13,7 @@ from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import CollectInfo, collect_command
+from busybot.datasets.info import IMPORTED, DatasetInfo, collect_command
 from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
 from busybot.episodes.episode import ENDED, SALVAGED
 from busybot.episodes.schema import TABLES
@@ -205,19 +205,21 @@ def _check_episode(dataset: Dataset, task: tuple[int, str | None]) -> tuple[Rows
         rows = episode_rows(file, index)
     except BusybotError as error:
         return None, [without_name(error, file)]
-    return rows, faults_of(rows, index, board_digest, dataset.info.collect)
+    return rows, faults_of(rows, index, board_digest, dataset.info)
 
 
-def faults_of(rows: Rows, index: int, board_digest: str | None, collect: CollectInfo | None) -> list[str]:
+def faults_of(rows: Rows, index: int, board_digest: str | None, info: DatasetInfo) -> list[str]:
     """What speaks against it, nothing if it belongs there.
 
     An episode that was saved in part, or that its policy ended, may have fewer steps than the collection if it says
-    so.
+    so. Imported recordings have lengths of their own, of which the dataset tells the longest.
 
     Args:
         rows: of the episode, as `tables.episode_rows` returns them.
-        board_digest: of board `index`; None if it is not known, likewise `collect`.
+        board_digest: of board `index`; None if it is not known.
+        info: of the dataset that it should belong to.
     """
+    collect = info.collect
     episode = {name: rows["episodes"][name][0].as_py() for name in rows["episodes"].column_names}
     faults = []
     if board_digest is not None and episode["board_digest"] != board_digest:
@@ -231,7 +233,8 @@ def faults_of(rows: Rows, index: int, board_digest: str | None, collect: Collect
         for name, value in pairs
         if episode[name] is not None and episode[name] != value
     ]
-    if _possible_steps(episode["steps"], json.loads(episode["settings"])) != collect.steps:
+    possible = _possible_steps(episode["steps"], json.loads(episode["settings"]))
+    if possible < 0 or (possible != collect.steps and info.generator.version != IMPORTED):
         faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
     return faults
 

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.atomic_io import read_regular, write_atomically
 from busybot.common.errors import BusybotError
-from busybot.common.limits import MAX_TABLE_BYTES
+from busybot.common.limits import MAX_TABLE_BYTES, MIB
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.digests import episode_digests
 from busybot.episodes.episode import Episode
@@ -28,6 +29,10 @@ from busybot.episodes.schema import STEP_FIELDS, TABLES, arrow_schema
 
 EPISODES_PER_SHARD = 500
 EPISODES_PER_ROW_GROUP = 25
+MAX_SHARD_ROWS = EPISODES_PER_SHARD * 1001 * 64
+"""Of `steps` and `objects`, whatever `episodes` say: a thousand steps each on boards of 64 objects."""
+MAX_SHARD_MEMORY = 4096 * MIB
+"""Of a shard's values, decoded: a small file can hold one value many times."""
 ROWS_KEY, MADE_OF_KEY = b"busybot_rows", b"busybot_made_of"
 HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
 
@@ -171,17 +176,29 @@ def write_shard(path: Path, table: str, rows: Iterable[pa.Table], root: Path | N
     write_atomically(path, buffer.getvalue(), root)
 
 
-def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.Table:
+def counts_of(episodes: pa.Table) -> dict[str, int]:
+    """How many rows of each table belong to these rows of table `episodes`."""
+    steps, objects = episodes["steps"].to_pylist(), episodes["objects"].to_pylist()
+    frames = sum((count + 1) * each for count, each in zip(steps, objects, strict=True))
+    return {"episodes": episodes.num_rows, "steps": sum(steps), "objects": frames}
+
+
+def read_shard(path: Path, table: str, columns: list[str] | None = None, most: int | None = None) -> pa.Table:
     """A shard of the table; the table's metadata hold what it was made of (`MADE_OF_KEY`), if the file says so.
 
+    Args:
+        most: rows that it may have, if the episodes are known: see `counts_of`.
+
     Raises:
-        BusybotError: naming the file, if it is no Parquet file, its columns are not the schema's or it was edited.
+        BusybotError: naming the file, if it is no Parquet file, its columns are not the schema's, it was edited, it has
+            more rows or values than there can be, or several rows of an episode.
     """
     schema = arrow_schema(table)
     schema = schema if columns is None else pa.schema([schema.field(name) for name in columns])
     try:
         data = read_regular(path, MAX_TABLE_BYTES, HINT_TABLES)
         file = pq.ParquetFile(pa.BufferReader(data))
+        _refuse_swelling(path, table, file, most)
         made_of = _checked_origin(path, data, file)
         found = {field.name: field.type for field in file.schema_arrow}
         later = {column.name for column in TABLES[table] if column.later} - found.keys()
@@ -193,15 +210,57 @@ def read_shard(path: Path, table: str, columns: list[str] | None = None) -> pa.T
         if wrong:
             what = f"{path}: not table {table!r} of this schema version: {', '.join(wrong)}"
             raise BusybotError(what, HINT_TABLES)
-        # by Arrow's own threads it would be no faster, and one that still asks for Python at its end aborts the process
         wanted = [name for name in schema.names if name not in later] or [arrow_schema(table).names[0]]
-        rows = file.read(columns=wanted, use_threads=False)
-        rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
-    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
+        rows = _read(path, data, file, arrow_schema(table), wanted)
+        for name in later & set(schema.names):
+            rows = rows.append_column(name, pa.nulls(rows.num_rows, schema.field(name).type))
+        rows = rows.select(schema.names).cast(schema)
+    except (OSError, pa.ArrowException, ValueError, KeyError) as error:  # of nulls, and of two columns of one name
         raise BusybotError(f"{path}: not a readable Parquet file: {error}", HINT_TABLES) from None
-    for name in later & set(schema.names):
-        rows = rows.append_column(name, pa.nulls(rows.num_rows, schema.field(name).type))
-    return rows.select(schema.names).cast(schema).replace_schema_metadata((schema.metadata or {}) | made_of)
+    if table == "episodes" and "episode" in rows.schema.names and (np.diff(rows["episode"].to_numpy()) <= 0).any():
+        raise BusybotError(f"{path}: it has several rows of an episode, or not in order", HINT_TABLES)
+    return rows.replace_schema_metadata((schema.metadata or {}) | made_of)
+
+
+def _refuse_swelling(path: Path, table: str, file: pq.ParquetFile, most: int | None) -> None:
+    """Refuse what its own description says to be more than there can be, before it is decoded.
+
+    Texts are left out of the sum: a description does not tell how often each is repeated.
+    """
+    groups = [file.metadata.row_group(number) for number in range(file.metadata.num_row_groups)]
+    limit = EPISODES_PER_SHARD if table == "episodes" else MAX_SHARD_ROWS
+    limit = limit if most is None else min(most, limit)
+    if (rows := max(file.metadata.num_rows, sum(group.num_rows for group in groups))) > limit:
+        raise BusybotError(f"{path}: {rows:,} rows, at most {limit:,} belong to its episodes", HINT_TABLES)
+    columns = [group.column(number) for group in groups for number in range(group.num_columns)]
+    wide = ("INT64", "DOUBLE")
+    size = sum(
+        max(one.total_uncompressed_size, one.num_values * (8 if one.physical_type in wide else 4)) for one in columns
+    )
+    if size > MAX_SHARD_MEMORY:
+        raise _too_much(path, size)
+
+
+def _read(path: Path, data: bytes, file: pq.ParquetFile, schema: pa.Schema, names: list[str]) -> pa.Table:
+    """Columns of the file. Of texts each different one is decoded once, until it is known what they are together."""
+    texts = [name for name in names if pa.types.is_string(schema.field(name).type)]
+    once = pq.ParquetFile(pa.BufferReader(data), metadata=file.metadata, read_dictionary=texts)
+    # by Arrow's own threads it would be no faster, and one that still asks for Python at its end aborts the process
+    rows = once.read(columns=names, use_threads=False)
+    rows.validate(full=True)  # text that is no UTF-8 would only be noticed when it is used
+    size = rows.nbytes + sum(_text_bytes(chunk) for name in texts for chunk in rows[name].chunks)
+    if size > MAX_SHARD_MEMORY:
+        raise _too_much(path, size)
+    return rows
+
+
+def _text_bytes(texts: pa.DictionaryArray) -> int:
+    return pc.sum(pc.binary_length(texts.dictionary).take(texts.indices)).as_py() or 0
+
+
+def _too_much(path: Path, size: int) -> BusybotError:
+    what = f"{path}: {size:,} bytes of values, at most {MAX_SHARD_MEMORY:,} are read"
+    return BusybotError(what, HINT_TABLES)
 
 
 def _checked_origin(path: Path, data: bytes, file: pq.ParquetFile) -> dict[bytes, bytes]:

@@ -5,20 +5,27 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from busybot.boards.config import BoardConfig
 from busybot.common.atomic_io import remove
 from busybot.common.errors import BusybotError
 from busybot.datasets import dataset as module
+from busybot.datasets import verify as verifying
+from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import collect_command
+from busybot.datasets.info import collect_command, name_of
 from busybot.datasets.verify import verify
 from busybot.episodes.mcap.writer import write_episode
-from busybot.episodes.tables import episode_rows, write_shard
+from busybot.episodes.tables import MADE_OF_KEY, episode_rows, read_shard, write_shard
+from busybot.objects.library import Library
 from tests.episodes.folders import COLLECT, make_dataset
-from tests.episodes.synthetic import make_board, make_episode
+from tests.episodes.synthetic import make_board, make_episode, make_real_episode
 
 
 def edit_info(path: Path, **values: object) -> None:
@@ -313,6 +320,82 @@ def test_tables_torn_by_a_stop_are_mended(tmp_path: Path, monkeypatch: pytest.Mo
     for name in ("episodes", "steps", "objects"):
         assert set(dataset.table(name)["episode"].to_pylist()) == {0, 1, 2, 3}
     assert verify(dataset.path).ok
+
+
+def test_an_episode_has_one_row_whatever_a_table_says(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    whole, file = dataset.episodes_table(), dataset.table_path("episodes", 0)
+    rows, hashes = read_shard(file, "episodes"), dataset.hashes()
+    write_shard(file, "episodes", [rows.slice(0, 1), rows], made_of=rows.schema.metadata[MADE_OF_KEY].decode())
+    again = Dataset.open(dataset.path)
+    assert again.episodes_table().equals(whole) and again.hashes() == hashes
+    with pytest.raises(BusybotError, match="several rows of an episode"):
+        again.table("episodes")
+    again.write_tables()
+    assert Dataset.open(dataset.path).table("episodes").equals(whole)
+
+
+@pytest.mark.parametrize("table", ["steps", "objects"])
+def test_tables_hold_no_more_rows_than_the_episodes_have(table: str, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d")
+    whole, file = dataset.table(table), dataset.table_path(table, 0)
+    rows = read_shard(file, table)
+    write_shard(file, table, [rows, rows.slice(0, 1)], made_of=rows.schema.metadata[MADE_OF_KEY].decode())
+    with pytest.raises(BusybotError, match="rows, at most .* belong to its episodes"):
+        dataset.table(table)
+    dataset.write_tables()
+    assert dataset.table(table).equals(whole)
+
+
+def test_tables_of_boards_without_objects_are_not_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    dataset = make_dataset(tmp_path / "d", finished=())
+    episode = make_real_episode()
+    write_episode(
+        dataset.episode_path(0),
+        replace(
+            episode,
+            board=episode.board.model_copy(update={"objects": (), "relations": ()}),
+            positions=np.zeros((0, 3), np.float32),
+            images=[replace(image, boxes=np.zeros((0, 4), np.int16)) for image in episode.images],
+        ),
+    )
+    dataset.write_tables()
+    read = derived(monkeypatch)
+    dataset.write_tables()
+    assert not read and dataset.table("objects").num_rows == 0
+
+
+def grown(dataset: Dataset, boards: int) -> Dataset:
+    info = dataset.info.model_copy(update={"boards": boards})
+    return dataset.grow(lambda: info, map(make_board, range(boards)))
+
+
+@pytest.mark.parametrize("more", [5, 9])
+def test_a_dataset_whose_growth_was_killed_is_as_before_and_grows_otherwise(
+    more: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed when the boards are there and `dataset.json` does not tell of them yet."""
+    for who in (module, verifying):
+        monkeypatch.setattr(who, "BOARDS_PER_SHARD", 6)
+    dataset = make_dataset(tmp_path / "d")
+    hashes = dataset.hashes()
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(module, "write_json", killed)
+        grown(dataset, 14)
+    found = Dataset.open(dataset.path)
+    assert found.info.boards == 4 and found.hashes() == hashes and found.boards() == [make_board(i) for i in range(4)]
+    assert Dataset.open(grown(found, more).path).boards() == [make_board(i) for i in range(more)]
+    assert verify(dataset.path).ok, "nothing is left of the boards that were not told of"
+
+
+@pytest.mark.parametrize("name", ["a" * 220, os.fsdecode(b"toys-\xff")])
+def test_any_folder_can_hold_a_dataset(name: str, tmp_path: Path, few_objects: Callable[[int], Path]) -> None:
+    made = create_dataset(tmp_path / name, BoardConfig(boards=1), Library.load(few_objects(0)))
+    assert Dataset.open(made.path).info.name == name_of(name) == name.replace("\udcff", "?")[:200]
 
 
 def test_settings_of_a_failed_start_do_not_bind(tmp_path: Path) -> None:

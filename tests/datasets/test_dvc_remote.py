@@ -1,5 +1,6 @@
 """Frozen datasets through a shared folder: what is pulled is what was pushed, and nothing leaves the folder."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.datasets import dvc_remote as module
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dvc_remote import address, check_listing, find_tool, pull, push, read_pointer
 from busybot.datasets.freeze import freeze
@@ -49,6 +51,8 @@ def test_a_pulled_dataset_is_the_pushed_one(frozen: Path, tmp_path: Path) -> Non
     assert Dataset.open(there).hashes() == Dataset.open(frozen).hashes()
     assert {entry.name for entry in there.parent.iterdir()} == {"toys", "toys.dvc"}
     assert not pull(there, str(tmp_path / "remote")).new, "nothing is fetched twice"
+    (there / ".hidden").write_text("of a file manager")
+    assert not pull(there, str(tmp_path / "remote")).new
 
 
 @pytest.mark.long
@@ -67,6 +71,44 @@ def test_what_was_changed_on_the_way_gets_no_name(frozen: Path, tmp_path: Path) 
     with pytest.raises(BusybotError):
         pull(there, str(tmp_path / "remote"))
     assert not there.exists()
+
+
+class Uploads:
+    """In DVC's place: writes a pointer as DVC does, named after the folder."""
+
+    def __init__(self, folder: Path, remote: str, endpoint: str | None):
+        self.folder = folder
+
+    def run(self, *arguments: str) -> None:
+        name = Path(arguments[-1]).name
+        (self.folder / f"{name}.dvc").write_text(POINTER.format(md5=MD5, path=name))
+
+
+@pytest.mark.parametrize("given", ["link", "toys/.", "toys/episodes/.."])
+def test_the_pointer_lies_beside_the_folder_however_it_is_named(
+    given: str, frozen: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_Repository", Uploads)
+    monkeypatch.chdir(frozen.parent)
+    os.symlink("toys", "link")
+    before = contents(frozen)
+    assert push(Path(given), "remote").pointer.absolute() == frozen.with_name("toys.dvc")
+    monkeypatch.chdir(frozen)
+    assert push(Path(), "remote").pointer == frozen.with_name("toys.dvc") and contents(frozen) == before
+
+
+def test_another_dataset_than_the_pointer_means_is_not_taken_for_it(frozen: Path) -> None:
+    listing = [
+        {"md5": hashlib.md5(data).hexdigest(), "relpath": name} for name, data in sorted(contents(frozen).items())
+    ]
+    own = hashlib.md5(json.dumps(listing).encode()).hexdigest()
+    pointer = frozen.with_name("toys.dvc")
+    pointer.write_text(POINTER.format(md5=own, path="toys"))
+    assert not pull(frozen, "remote").new
+    pointer.write_text(POINTER.format(md5=MD5, path="toys"))
+    with pytest.raises(BusybotError, match=r"not the dataset that \S*toys.dvc means") as error:
+        pull(frozen, "remote")
+    assert error.value.hint == "move it away"
 
 
 def test_only_frozen_datasets_are_shared(tmp_path: Path) -> None:

@@ -357,6 +357,21 @@ def test_a_killed_export_goes_on(tmp_path: Path) -> None:
     assert contents(tmp_path / "out") == contents(tmp_path / "again")
 
 
+@pytest.mark.parametrize("left", [(folders.PLAN, folders.LOCK_FILE, folders.MARKER), (folders.MARKER,)])
+def test_an_export_that_was_killed_at_its_place_is_finished(left: tuple[str, ...], tmp_path: Path) -> None:
+    dataset, out = exported(tmp_path, "parquet")
+    whole = contents(out)
+    facts = {"target": "parquet", "version": folders.VERSION, "privileged": False, **dataset.hashes().model_dump()}
+    for name in left:
+        (out / name).write_text(json.dumps(facts) if name == folders.MARKER else "")
+    with pytest.raises(BusybotError, match="not an empty folder"):
+        export_recordings(dataset, "hf", out)
+    done = export_recordings(dataset, "parquet", out)
+    assert (done.episodes, done.continued, done.files) == (3, 3, len(whole)) and contents(out) == whole
+    with pytest.raises(BusybotError, match="not an empty folder"):
+        export_recordings(dataset, "parquet", out)
+
+
 def test_only_its_own_unfinished_folder_is_continued(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "data", boards=2, finished=[0])
     place, out = tmp_path / "out.partial", tmp_path / "out"

@@ -17,7 +17,7 @@ from busybot.datasets import freeze as module
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.create import boards_again, create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.freeze import freeze
+from busybot.datasets.freeze import copy_tiny, freeze
 from busybot.datasets.manifest import AssetEntry, is_frozen, read_manifest
 from busybot.datasets.summary import summarise
 from busybot.datasets.verify import verify
@@ -208,6 +208,14 @@ def test_stopped_at_any_moment_it_is_continued(
     assert done.manifest == whole and done.new == (moment != "_finish")
     assert not dataset.path.stat().st_mode & 0o222
     assert faults(dataset.path) == []
+
+
+def test_what_a_killed_copy_of_the_tiny_dataset_left_is_removed(tmp_path: Path) -> None:
+    left = tmp_path / ".tiny-0123456789abcdef.tmp"
+    left.mkdir()
+    (left / "dataset.json").write_text("{}")
+    assert copy_tiny(tmp_path / "tiny") > 12
+    assert [path.name for path in tmp_path.iterdir()] == ["tiny"]
 
 
 def test_two_at_once_and_a_writer_are_kept_apart(dataset: Dataset) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,19 @@ import pytest
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.targets import export_recordings
+from busybot.datasets.freeze import freeze
 from busybot.datasets.importing.images import import_export
+from busybot.datasets.importing.recording import unknown_step
 from busybot.datasets.importing.sources import import_source
+from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
 from busybot.episodes.codec import ImageFormat
-from busybot.episodes.episode import Step
+from busybot.episodes.episode import Episode, Step
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode, make_task_episode
 
 
 def public(step: Step) -> tuple:
@@ -74,6 +80,25 @@ def test_tables_come_back_as_pictures_and_csv_do(to: str, images: ImageFormat, t
     assert told.kind == "parquet" and [one["actions"] for one in told.recordings] == [6, 6, 6]
 
 
+def without_objects(episode: Episode) -> Episode:
+    """As from a camera's folder without `objects.csv`."""
+    bare, none = unknown_step((5, 5), (0.0, 0.0, 0.0), 0), np.zeros((0, 4), np.int16)
+    return replace(
+        episode,
+        board=episode.board.model_copy(update={"objects": (), "relations": ()}),
+        links=(),
+        positions=np.zeros((0, 3), np.float32),
+        images=[replace(image, segmentation=None, boxes=none) for image in episode.images],
+        steps=[bare] * len(episode.steps),
+    )
+
+
+def put(dataset: Dataset, episode: Episode) -> None:
+    """An episode with a board of its own."""
+    dataset.replace_board(episode.board)
+    write_episode(dataset.episode_path(episode.board.index), episode)
+
+
 def retold(table: str, **columns: Any) -> Callable[[Path], object]:
     """Other columns in a table, made of its rows."""
 
@@ -97,6 +122,53 @@ def repeated(folder: Path) -> None:
 
 def spoilt(values: list[Any], place: int, value: Any) -> list[Any]:
     return [*values[:place], value, *values[place + 1 :]]
+
+
+@pytest.mark.parametrize("to", ["images", "parquet"])
+def test_recordings_of_unequal_length_belong_together(to: str, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", boards=2, finished=[0])
+    write_episode(dataset.episode_path(1), make_episode(1, steps=3))
+    export_recordings(dataset, to, tmp_path / "out")
+    made = import_export(tmp_path / "out", tmp_path / "made")
+    assert made.info.collect is not None and made.info.collect.steps == 6
+    assert verify(made.path).ok and repair(made.path).damaged == ()
+    freeze(made.path, None)
+    assert verify(made.path).ok and Dataset.open(made.path).table("episodes")["steps"].to_pylist() == [6, 3]
+
+
+@pytest.mark.parametrize("to", ["images", "parquet"])
+def test_recordings_without_objects_come_back(to: str, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", boards=2, finished=[0])
+    put(dataset, without_objects(make_episode(1)))
+    export_recordings(dataset, to, tmp_path / "out")
+    made = import_export(tmp_path / "out", tmp_path / "made")
+    assert [len(board.objects) for board in made.boards()] == [5, 0] and verify(made.path).ok
+    shutil.rmtree(dataset.path)
+    dataset = make_dataset(dataset.path, boards=1, finished=[])
+    put(dataset, without_objects(make_episode()))
+    export_recordings(dataset, to, tmp_path / "bare")
+    assert verify(import_export(tmp_path / "bare", tmp_path / "again").path).ok
+
+
+def test_no_table_of_objects_where_there_are_some_is_a_fault(tmp_path: Path) -> None:
+    export_recordings(make_dataset(tmp_path / "data", boards=1, finished=[0]), "images", tmp_path / "out")
+    file = tmp_path / "out" / "episodes" / "000000" / "objects.csv"
+    for text in (file.read_text().splitlines()[0], ""):
+        file.write_text(text)
+        with pytest.raises(BusybotError, match="objects.csv: it has no line with values"):
+            import_export(tmp_path / "out", tmp_path / "made")
+
+
+@pytest.mark.parametrize("to", ["images", "parquet"])
+def test_the_picture_of_a_goal_comes_back(to: str, tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "data", boards=2, finished=[0])
+    put(dataset, make_task_episode(1))
+    export_recordings(dataset, to, tmp_path / "out")
+    made = import_export(tmp_path / "out", tmp_path / "made")
+    was, now = dataset[1].goal, made[1].goal
+    assert was is not None and now is not None and made[0].goal is None
+    assert np.array_equal(was.rgb, now.rgb) and now.depth is None and (now.boxes == -1).all()
+    assert verify(made.path).ok
 
 
 PART = "part-00000.parquet"

@@ -2,14 +2,17 @@
 
 import json
 import shutil
+import struct
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zstandard
+from mcap.opcode import Opcode
 
 from busybot.common.errors import BusybotError
+from busybot.common.limits import Budget
 from busybot.datasets import repair as module
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
@@ -17,6 +20,7 @@ from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
 from busybot.episodes.episode import SALVAGED, Episode
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.records import each_record
 from busybot.episodes.mcap.salvage import salvage
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import COLLECT, make_dataset
@@ -196,6 +200,41 @@ def test_what_contradicts_the_tables_is_not_kept(dataset: Dataset) -> None:
         dataset.episode_path(1).write_bytes(data[: int(share * len(data))])
         verdict = repair(dataset.path, dataset.path.with_name(f"out{share}")).damaged[0]
         assert verdict.fate == "dropped" and "tables" in verdict.why
+
+
+def with_depth_scale(data: bytes, was: bytes, now: bytes) -> bytes:
+    """The file with another value in its metadata, which have no checksum of their own."""
+    key = b"depth_scale" + struct.pack("<I", len(was))
+    assert data.count(key + was) == 1 and len(was) == len(now)
+    return data.replace(key + was, key + now)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.0])
+@pytest.mark.parametrize("tables", [True, False])
+def test_a_damaged_scale_of_depth_is_not_taken_for_right(dataset: Dataset, share: float, tables: bool) -> None:
+    write_episode(dataset.episode_path(1), noisy(make_episode(1)))
+    data = with_depth_scale(dataset.episode_path(1).read_bytes(), b"4e-05", b"5e-05")
+    dataset.episode_path(1).write_bytes(data[: int(share * len(data))])
+    if not tables:
+        shutil.rmtree(dataset.path / "tables")
+    verdict = repair(dataset.path).damaged[0]
+    assert (verdict.episode, verdict.fate) == (1, "dropped") and ("scale of depth" in verdict.why or tables)
+    assert (dataset.path / "damaged/000001.mcap").read_bytes() == data[: int(share * len(data))]
+
+
+def test_an_unusual_scale_of_depth_is_believed_where_a_checksum_or_the_tables_confirm_it(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "far", boards=2, finished=())
+    far = noisy(make_episode(1))
+    far.images = [replace(image, depth=None if image.depth is None else image.depth * 5) for image in far.images]
+    write_episode(dataset.episode_path(1), far)
+    data = dataset.episode_path(1).read_bytes()
+    assert salvage(data[:-40]).certain and not salvage(data[: int(0.7 * len(data))]).certain
+    dataset.write_tables()
+    end = next(position for position, opcode, _, _ in each_record(data, Budget(), 8) if opcode == Opcode.DATA_END)
+    assert not salvage(data[:end]).certain
+    dataset.episode_path(1).write_bytes(data[:end])
+    assert repair(dataset.path).damaged[0].fate == "whole"
+    np.testing.assert_allclose(dataset[1].depth[0], far.images[0].depth, atol=1e-3)
 
 
 def test_episodes_of_another_board_are_dropped(dataset: Dataset) -> None:

@@ -3,12 +3,22 @@
 from pathlib import Path
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.episodes import tables as module
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.schema import TABLES, arrow_schema
-from busybot.episodes.tables import episode_rows, read_shard, split_by_episode, write_shard
+from busybot.episodes.tables import (
+    EPISODES_PER_SHARD,
+    counts_of,
+    episode_rows,
+    read_shard,
+    split_by_episode,
+    write_shard,
+)
 from tests.episodes.synthetic import KEYS, make_episode, make_real_episode
 
 
@@ -90,6 +100,53 @@ def test_shards_are_written_the_same_each_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_shard(tmp_path / name, "steps", [rows])
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_more_than_there_can_be_is_refused_before_it_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_episode(tmp_path / "e.mcap", make_episode())
+    rows = episode_rows(tmp_path / "e.mcap", 0)
+    write_shard(tmp_path / "episodes", "episodes", [rows["episodes"]] * (EPISODES_PER_SHARD + 1))
+    write_shard(tmp_path / "steps", "steps", [rows["steps"]])
+    told = counts_of(rows["episodes"])
+    assert told == {name: table.num_rows for name, table in rows.items()} and told["steps"] == 6
+    assert read_shard(tmp_path / "steps", "steps", most=6).num_rows == 6
+    monkeypatch.setattr(pq.ParquetFile, "read", lambda *_, **__: pytest.fail("decoded"))
+    with pytest.raises(BusybotError, match="501 rows, at most 500"):
+        read_shard(tmp_path / "episodes", "episodes")
+    with pytest.raises(BusybotError, match="6 rows, at most 5"):
+        read_shard(tmp_path / "steps", "steps", most=5)
+    monkeypatch.setattr(module, "MAX_SHARD_MEMORY", 500)
+    with pytest.raises(BusybotError, match="bytes of values, at most 500"):
+        read_shard(tmp_path / "steps", "steps")
+
+
+def test_a_text_that_is_stored_once_counts_as_often_as_it_stands_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_episode(tmp_path / "e.mcap", make_episode())
+    row = episode_rows(tmp_path / "e.mcap", 0)["episodes"]
+    place, long = row.schema.get_field_index("settings"), pa.array(["x" * 100_000])
+    row = row.set_column(place, row.schema.field(place), long)
+    rows = [row.set_column(0, row.schema.field(0), pa.array([number], pa.int32())) for number in range(100)]
+    write_shard(tmp_path / "part", "episodes", rows)
+    assert read_shard(tmp_path / "part", "episodes").equals(pa.concat_tables(rows))
+    assert (tmp_path / "part").stat().st_size < 100_000
+    monkeypatch.setattr(module, "MAX_SHARD_MEMORY", 5_000_000)
+    with pytest.raises(BusybotError, match="bytes of values, at most 5,000,000"):
+        read_shard(tmp_path / "part", "episodes")
+
+
+def test_nulls_and_columns_of_one_name_are_refused(tmp_path: Path) -> None:
+    write_episode(tmp_path / "e.mcap", make_episode())
+    rows = episode_rows(tmp_path / "e.mcap", 0)["episodes"].drop_columns(["checksum"])  # as of the first version
+    pq.write_table(rows.append_column("steps", rows["steps"]), tmp_path / "twice")
+    place = rows.schema.get_field_index("steps")
+    pq.write_table(rows.set_column(place, "steps", pa.nulls(1, pa.int32())), tmp_path / "nulls")
+    for name in ("twice", "nulls"):
+        with pytest.raises(BusybotError, match="not a readable Parquet file: .*steps"):
+            read_shard(tmp_path / name, "episodes")
 
 
 def test_what_is_no_table_of_this_schema_is_refused(tmp_path: Path) -> None:

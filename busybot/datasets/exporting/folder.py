@@ -125,7 +125,9 @@ def export_folder(
         BusybotError: something is at `out`, or beside it an unfinished export of something else; nothing is recorded.
     """
     place = out.absolute()
-    refuse_taken(place)
+    complete = (place / MARKER).is_file() and not place.is_symlink()  # an earlier call was killed at its very end
+    if not complete:
+        refuse_taken(place)
     if place.resolve().is_relative_to(dataset.path.resolve()):
         raise BusybotError(f"{out}: it lies in the dataset", "name a folder beside it")
     rows = _placed(dataset.episodes_table().to_pylist())
@@ -136,6 +138,11 @@ def export_folder(
     target.check(source)
     folder = unfinished_place(place)
     facts = {"target": target.name, "version": VERSION, "privileged": privileged, **source.hashes.model_dump()}
+    if complete:
+        if read_json(place / MARKER) != facts:
+            refuse_taken(place)
+        with one_writer(place):
+            return _finished(out, rows, len(rows))
     _refuse_foreign(folder)
     make_folder(folder)
     with one_writer(folder):
@@ -146,13 +153,20 @@ def export_folder(
         remove_leftovers(folder)
         continued = _write_episodes(dataset, source, folder, target.write, workers, progress)
         target.finish(folder, source)
-        found = {name: size for name, size in scan(folder).files.items() if name not in (LOCK_FILE, MARKER, PLAN)}
         refuse_taken(place)
         rename(folder, place)
-        for name in (PLAN, MARKER, LOCK_FILE):
-            remove(place / name, place)
-    frames = sum(row["steps"] + 1 for row in rows)
-    return Exported(out, len(rows), frames, continued, sum(found.values()), len(found))
+        return _finished(out, rows, continued)
+
+
+def _finished(out: Path, rows: list[Row], continued: int) -> Exported:
+    """What is at its place, without what helped to write it; the marker goes last, for it tells that this is not done.
+
+    Call it under the lock.
+    """
+    for name in (PLAN, LOCK_FILE, MARKER):
+        remove(out / name, out)
+    sizes = scan(out).files.values()
+    return Exported(out, len(rows), sum(row["steps"] + 1 for row in rows), continued, sum(sizes), len(sizes))
 
 
 def unfinished_place(out: Path) -> Path:

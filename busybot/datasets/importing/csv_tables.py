@@ -46,8 +46,11 @@ class Row(FrozenModel):
 AnyRow = TypeVar("AnyRow", bound=Row)
 
 
-def read_table(file: Path, model: type[AnyRow], hint: str) -> list[AnyRow]:
+def read_table(file: Path, model: type[AnyRow], hint: str, may_be_empty: bool = False) -> list[AnyRow]:
     """The lines of a table, at least one.
+
+    Args:
+        may_be_empty: whether names of columns alone are a table, too.
 
     Raises:
         BusybotError: naming file and line, if there is none, or one does not fit the model.
@@ -63,6 +66,6 @@ def read_table(file: Path, model: type[AnyRow], hint: str) -> list[AnyRow]:
         raise BusybotError(f"{file}: line {lines.line_num}: {first_fault(error)}", hint) from None
     except (csv.Error, ValueError, RecursionError, AttributeError) as error:
         raise BusybotError(f"{file}: line {lines.line_num}: {error}", hint) from None
-    if not rows:
+    if not rows and not (may_be_empty and lines.fieldnames):
         raise BusybotError(f"{file}: it has no line with values", hint)
     return rows

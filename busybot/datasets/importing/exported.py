@@ -21,7 +21,7 @@ from busybot.datasets.importing.containers import read_rows
 from busybot.datasets.importing.csv_tables import Row, read_table
 
 HINT = "`busybot dataset export DATASET --to images` writes such a folder, `--to parquet` such tables"
-TABLES_FOLDER = "data"
+TABLES_FOLDER, OBJECTS = "data", "objects"
 BATCH = 64
 """Rows that are decoded at once."""
 
@@ -39,7 +39,7 @@ class ExportedRecording(Protocol):
         """Where a table lies."""
 
     def rows(self, table: str, model: type[AnyRow]) -> list[AnyRow]:
-        """Its rows of a table, at least one; BusybotError names the file and the row."""
+        """Its rows of a table, at least one but of `objects`; BusybotError names the file and the row."""
 
     def picture(self, name: str) -> bytes:
         """A picture that a row of `frames` names."""
@@ -65,7 +65,7 @@ class RecordingFolder:
         return inside(self.folder, f"{table}.csv")
 
     def rows(self, table: str, model: type[AnyRow]) -> list[AnyRow]:
-        return read_table(self.file(table), model, HINT)
+        return read_table(self.file(table), model, HINT, may_be_empty=table == OBJECTS)
 
     def picture(self, name: str) -> bytes:
         return read_regular(
@@ -153,7 +153,9 @@ def exported_recordings(source: Path) -> Sequence[ExportedRecording]:
         return [RecordingFolder(folder) for folder in folders]
     if not (source / TABLES_FOLDER / "frames").is_dir():
         return []
-    tables = {name: _parts(source, name) for name in ("frames", "objects", "episodes")}
+    tables = {name: _parts(source, name) for name in ("frames", OBJECTS, "episodes")}
+    if tables["episodes"].keys() - tables[OBJECTS].keys():
+        tables[OBJECTS] = _without_objects(source, tables["episodes"]) | tables[OBJECTS]
     for name, parts in tables.items():
         if parts.keys() != tables["episodes"].keys():
             odd = min(parts.keys() ^ tables["episodes"].keys())
@@ -187,6 +189,16 @@ def _parts(source: Path, table: str) -> dict[int, _Part]:
                 found[index] = _Part(file, before.first, before.count + 1)
             else:
                 raise BusybotError(f"{file}: row {number + 1}: episode {index} is in two places", HINT)
-    if not found:
+    if not found and table != OBJECTS:
         raise BusybotError(f"{folder}: it has no rows", HINT)
     return found
+
+
+def _without_objects(source: Path, episodes: dict[int, _Part]) -> dict[int, _Part]:
+    """No rows in table `objects`, of those recordings that say that they have no objects."""
+    files, nothing = (
+        {part.file for part in episodes.values()},
+        _Part(inside(source, f"{TABLES_FOLDER}/{OBJECTS}"), 0, 0),
+    )
+    rows = (row for file in files for row in read_rows(file, ["episode", OBJECTS], 1 << 16))
+    return {row["episode"]: nothing for row in rows if row[OBJECTS] == 0}

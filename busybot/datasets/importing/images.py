@@ -1,10 +1,10 @@
 """What `dataset export` wrote as pictures and CSV (`images`) or as tables of both (`parquet`, `hf`), to a dataset.
 
-What such an export holds comes back as it was: pictures, actions and their rewards, the first boxes, the camera. What
-it does not hold is missing in the dataset, too: states, relations, joints, segmentation, boxes of later frames;
-privileged tables are not read. So these recordings are like those of a board without a simulator (`truth` is false).
-Objects get keys of the category `Unknown`. Colours are stored as PNG: what a JPEG decoded to would not survive another
-JPEG.
+What such an export holds comes back as it was: pictures, that of a goal among them, actions and their rewards, the
+first boxes, the camera. What it does not hold is missing in the dataset, too: states, relations, joints, segmentation,
+boxes of later frames, a task, depth of its goal; privileged tables are not read. So these recordings are like those of
+a board without a simulator (`truth` is false). Objects get keys of the category `Unknown`. Colours are stored as PNG:
+what a JPEG decoded to would not survive another JPEG.
 """
 
 from collections.abc import Iterator, Sequence
@@ -85,6 +85,7 @@ class _Episode(Row):
     appearance_group: Annotated[int, Field(ge=0, lt=2**31)] = 0
     policy: Annotated[str, Field(min_length=1, max_length=200)] = "unknown"
     oracle: bool = False
+    objects: Whole = None
     width: int
     height: int
     camera_matrix: Numbers
@@ -93,10 +94,16 @@ class _Episode(Row):
     depth_scale: Annotated[float, Field(gt=0, le=1e3)] = 1.0
 
 
+class _Goal(Row):
+    """Of the same line; read by itself, as its picture stays in memory until the recording is forgotten."""
+
+    goal: Text = None
+
+
 def describe_export(recording: ExportedRecording) -> dict[str, object]:
     """What would be read of a recording, JSON values."""
     told = recording.rows("episodes", _Episode)[0]
-    roles = [row.role for row in _objects(recording)]
+    roles = [row.role for row in _objects(recording, told)]
     frames = recording.frames()
     return {
         "place": recording.place,
@@ -157,7 +164,7 @@ def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpe
             appearance_group=told.appearance_group,
             texture="unknown",
             color=(1.0, 1.0, 1.0),
-            objects=tuple(_placed(row) for row in _objects(recording)),
+            objects=tuple(_placed(row) for row in _objects(recording, told)),
             relations=(),
             relations_known=False,
         )
@@ -165,8 +172,10 @@ def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpe
         raise BusybotError(f"{recording.file('objects')}: {first_fault(error)}", HINT) from None
 
 
-def _objects(recording: ExportedRecording) -> list[_Object]:
+def _objects(recording: ExportedRecording, told: _Episode) -> list[_Object]:
     rows = recording.rows("objects", _Object)
+    if not rows and told.objects:
+        raise BusybotError(f"{recording.file('objects')}: it has no line with values, of {told.objects} objects", HINT)
     if [row.object for row in rows] != list(range(len(rows))):
         raise BusybotError(f"{recording.file('objects')}: its objects are not numbered 0, 1, 2, ...", HINT)
     return rows
@@ -184,7 +193,8 @@ def _position(row: _Object | _Frame) -> tuple[float | None, float | None, float 
 
 def _episode(recording: ExportedRecording, told: _Episode, board: BoardSpec) -> Episode:
     file, about = recording.file("frames"), recording.file("episodes")
-    frames, objects = recording.rows("frames", _Frame), _objects(recording)
+    frames, objects = recording.rows("frames", _Frame), _objects(recording, told)
+    goal = recording.rows("episodes", _Goal)[0].goal
     if [row.frame for row in frames] != list(range(len(frames))):
         raise BusybotError(f"{file}: its frames are not numbered 0, 1, 2, ...", HINT)
     if (len(told.camera_matrix), len(told.camera_pose)) != (9, 16):
@@ -194,19 +204,21 @@ def _episode(recording: ExportedRecording, told: _Episode, board: BoardSpec) -> 
     with naming(about):
         check_camera(camera)
     shown, frame_of = _stored(frames)
-    if len(shown) * told.width * told.height > MAX_PIXELS:
-        what = f"{len(shown)} pictures of {told.width} x {told.height} pixels, at most {MAX_PIXELS} in all are read"
+    pictures = len(shown) + (goal is not None)
+    if pictures * told.width * told.height > MAX_PIXELS:
+        what = f"{pictures} pictures of {told.width} x {told.height} pixels, at most {MAX_PIXELS} in all are read"
         raise BusybotError(f"{file}: {what}", "shorter recordings, or smaller pictures")
     episode = Episode(
         board=board,
         camera=camera,
         links=(),
-        positions=np.array([_position(row) for row in objects], np.float32),
+        positions=np.array([_position(row) for row in objects], np.float32).reshape(-1, 3),
         images=list(_images(recording, shown, objects, told)),
         frame_of=frame_of,
         steps=[_step(row, f"{file}: line {row.line}") for row in frames[:-1]],
         policy=told.policy,
         oracle=told.oracle,
+        goals=[] if goal is None else [_goal(recording, goal, told, len(objects))],
     )
     recording.forget()
     return episode
@@ -227,7 +239,7 @@ def _images(
 ) -> Iterator[Image]:
     """Boxes are known of the first picture alone."""
     known = [[getattr(row, f"first_box_{side}") for side in _SIDES] for row in objects]
-    boxes = np.array([[-1] * 4 if None in box else box for box in known], np.int16)
+    boxes = np.array([[-1] * 4 if None in box else box for box in known], np.int16).reshape(-1, 4)
     for number, row in enumerate(shown):
         rgb, depth = recording.picture(row.rgb), None
         try:
@@ -238,6 +250,15 @@ def _images(
         except ValueError as error:
             raise BusybotError(f"{recording.place}: frame {row.frame}: {error}", HINT) from None
         yield Image(colours, depth, None, boxes if number == 0 else np.full_like(boxes, -1))
+
+
+def _goal(recording: ExportedRecording, name: str, told: _Episode, objects: int) -> Image:
+    """The picture of a goal, of which nothing else is known."""
+    data = recording.picture(name)
+    try:
+        return Image(decode_rgb(data, told.width, told.height), None, None, np.full((objects, 4), -1, np.int16))
+    except ValueError as error:
+        raise BusybotError(f"{recording.place}: the goal's picture: {error}", HINT) from None
 
 
 def _step(row: _Frame, where: str) -> Step:

@@ -22,7 +22,7 @@ from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_PIXELS
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import IMPORTED, DatasetInfo
+from busybot.datasets.info import IMPORTED, DatasetInfo, name_of
 from busybot.episodes.camera import project
 from busybot.episodes.codec import DepthScale
 from busybot.episodes.episode import Camera, Episode, Image, Link, Step
@@ -225,7 +225,7 @@ def imported_info(
     Raises:
         BusybotError: a value does not fit.
     """
-    values = {"name": name[:200] or IMPORTED, "split": split, "seed": seed, "boards": boards}
+    values = {"name": name_of(name) or IMPORTED, "split": split, "seed": seed, "boards": boards}
     values |= {"generator": {"version": IMPORTED}, "assets": {"source": "folder", "name": "unknown"}}
     try:
         return DatasetInfo.model_validate(values | {"collect": collect | {"images": "png"}})

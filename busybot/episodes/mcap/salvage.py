@@ -4,23 +4,29 @@ Whole chunks are taken if their checksum fits. Of the chunk in which a file was 
 there no checksum vouches for it, so the caller compares with what else is known. A damaged chunk is not taken, because
 nobody can tell which part of it is right. Whole steps are kept, with the images that belong to them, byte for byte; a
 step counts as whole when its action, its truth, its joints and, if it changed something, its pictures are there.
+
+What depth means stands in the metadata, which have no checksum of their own: without the one over all data they are
+believed where they say what nearly every recording says. A damaged scale does not become that by chance.
 """
 
 import io
 import json
+import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Chunk, Message, Metadata
+from mcap.records import Chunk, DataEnd, Message, Metadata
 from mcap.writer import CompressionType, Writer
 
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_CHUNK_BYTES, Budget
+from busybot.episodes.codec import DepthScale
 from busybot.episodes.episode import SALVAGED
 from busybot.episodes.mcap import channels
+from busybot.episodes.mcap.pictures import depth_scale
 from busybot.episodes.mcap.records import (
     FAULTS,
     MAGIC,
@@ -45,11 +51,13 @@ class Salvaged:
     Attributes:
         data: of a whole MCAP file.
         steps: how many it holds, `of` so many.
+        certain: False if its depth may have been measured otherwise than it says.
     """
 
     data: bytes
     steps: int
     of: int
+    certain: bool
 
     @property
     def whole(self) -> bool:
@@ -75,7 +83,7 @@ def _read(data: bytes) -> tuple[Records, bool]:
     if data[: len(MAGIC)] != MAGIC:
         raise BusybotError("it does not begin like an MCAP file")
     found, damaged, budget = Records(len(data)), False, Budget()
-    for _, opcode, body, whole in each_record(data, budget, len(MAGIC)):
+    for position, opcode, body, whole in each_record(data, budget, len(MAGIC)):
         if opcode == Opcode.CHUNK:
             content = _content(Chunk.read(stream_of(body)), whole, budget)
             read_content(content, found, budget)
@@ -85,6 +93,9 @@ def _read(data: bytes) -> tuple[Records, bool]:
                 found.add(read_attachment(body))
         elif whole and opcode == Opcode.METADATA:
             found.add(Metadata.read(stream_of(body)))
+        elif whole and opcode == Opcode.DATA_END:
+            told = DataEnd.read(stream_of(body)).data_section_crc
+            found.checksum = told if told == zlib.crc32(memoryview(data)[:position]) else 0
         if damaged or opcode == Opcode.DATA_END:
             break
     return found, damaged
@@ -118,7 +129,13 @@ def _rebuild(remains: Records, damaged: bool) -> Salvaged:
     if steps < 0 or steps == 0 < of:
         raise BusybotError("a chunk is damaged and no whole step before it" if damaged else "no step is whole")
     remains.messages = [pair for group in groups for pair in group]
-    return Salvaged(_write(remains, steps, of), steps, of)
+    return Salvaged(_write(remains, steps, of), steps, of, _is_certain(remains))
+
+
+def _is_certain(remains: Records) -> bool:
+    """Whether the scale of depth is right, where there is depth; see the module's beginning."""
+    deep = not {channels.CAMERA.depth, channels.GOAL.depth}.isdisjoint(remains.payloads)
+    return bool(remains.checksum) or not deep or depth_scale(remains) == DepthScale()
 
 
 Group = list[tuple[str, Message]]

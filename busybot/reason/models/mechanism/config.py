@@ -73,8 +73,6 @@ class MechanismConfig(FrozenModel):
         blur: what is told wrongly of these, as pictures do; of each by a share of its own.
         iterations: at most so many.
         batch: boards per iteration.
-        recorded: share of them that are recorded, on average; fewer where there are so few, for each is in a batch
-            once. None for as many as there are among all boards.
         moments: numbers of actions after which each board is judged in one iteration, of six; drawn, small ones more
             often.
         learning_rate: at its highest; it rises over `warm_up` iterations and falls as a cosine to zero.
@@ -96,7 +94,6 @@ class MechanismConfig(FrozenModel):
     blur: Blur = Blur()
     iterations: Annotated[int, Field(ge=0)] = 5000
     batch: Annotated[int, Field(ge=1)] = 8
-    recorded: Annotated[float, Field(gt=0, lt=1)] | None = None
     moments: Annotated[int, Field(ge=1, le=6)] = 3
     learning_rate: PositiveFloat = 3e-3
     warm_up: Annotated[int, Field(ge=1)] = 20

@@ -36,14 +36,8 @@ from busybot.reason.models.mechanism.networks import (
 )
 from busybot.reason.models.mechanism.training import learner
 from busybot.reason.models.mechanism.training.labelled import LabelledTrace, draw_boards
-from busybot.reason.models.mechanism.training.learner import (
-    JUDGED_AFTER,
-    KNOWN,
-    MechanismLearner,
-    Shelf,
-    mask_links,
-)
-from busybot.reason.pyg import Batch, HeteroData
+from busybot.reason.models.mechanism.training.learner import JUDGED_AFTER, MechanismLearner, Shelf, mask_links
+from busybot.reason.pyg import Batch
 from busybot.training.loop import fit
 
 COLUMNS = {"new": 3, "never": 4, "sometimes": 5, "always": 6, "actions": 10}
@@ -469,23 +463,6 @@ def test_what_is_kept_on_the_shelf_is_what_was_given(monkeypatch: pytest.MonkeyP
     shelf, given = Shelf(), [torch.randn(*shape) for shape in ((2, 3), (4,), (0, 5), (7, 3), (1, 1))]
     kept = [shelf.kept(values) for values in given]
     assert all(torch.equal(one, values.half()) for one, values in zip(kept, given, strict=True))
-
-
-def test_recorded_boards_are_as_many_of_a_batch_as_the_configuration_says(
-    gates: list[LabelledTrace], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[int] = []
-
-    def known(number: int) -> HeteroData:
-        asked.append(number)
-        return gates[0].graph([1] * KNOWN)
-
-    config = MechanismConfig(batch=1, recorded=0.8)
-    taught = MechanismLearner(config, gates[:8], [], 0, 2)
-    monkeypatch.setattr(taught, "_known", known)
-    for iteration in range(60):
-        taught.iterate(iteration)
-    assert len(asked) == 60 and 0.65 < np.mean([number < 2 for number in asked]) < 0.95
 
 
 def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], tmp_path: Path) -> None:

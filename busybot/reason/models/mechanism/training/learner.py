@@ -140,27 +140,20 @@ class MechanismLearner(Learner):
     """One thread: sums have one order whatever the machine.
 
     Args:
-        boards: to train on, those that are recorded first.
+        boards: to train on.
         held_out: to judge by.
-        recorded: how many are recorded; all by default.
     """
 
     name = "mechanism"
     network: MechanismNet
 
     def __init__(
-        self,
-        config: MechanismConfig,
-        boards: Sequence[LabelledTrace],
-        held_out: Sequence[LabelledTrace],
-        seed: int,
-        recorded: int | None = None,
+        self, config: MechanismConfig, boards: Sequence[LabelledTrace], held_out: Sequence[LabelledTrace], seed: int
     ):
         torch.set_num_threads(1)
         repeat_exactly()
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
-        self._chances = _chances(len(boards), len(boards) if recorded is None else recorded, config.recorded)
         self._graphs: dict[int, HeteroData] = {}
         self._shelf = Shelf()
         self._judged: list[HeteroData] = []
@@ -175,7 +168,7 @@ class MechanismLearner(Learner):
     def iterate(self, iteration: int) -> tuple[float, float]:
         """One step of the optimizer."""
         config, rng = self.config, generator(self.seed, "train", iteration, "reason/mechanism")
-        chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False, p=self._chances)
+        chosen = rng.choice(len(self.boards), min(config.batch, len(self.boards)), replace=False)
         moments = torch.from_numpy(np.sort(rng.choice(KNOWN, min(config.moments, KNOWN), replace=False)))
         known = GraphsByNumber(lambda number: moments_of(self._known(number), moments))
         [graphs] = batches_of(known, [chosen.tolist()])
@@ -266,14 +259,6 @@ class MechanismLearner(Learner):
         return {"loss": total / count} if count else {}
 
 
-def _chances(boards: int, recorded: int, share: float | None) -> np.ndarray | None:
-    """How probable each board is to be learned from, if the first so many together are as probable as the share."""
-    if share is None or not 0 < recorded < boards:
-        return None
-    each = share / recorded, (1 - share) / (boards - recorded)
-    return np.repeat(each, (recorded, boards - recorded))
-
-
 def learner_of(
     config: MechanismConfig,
     boards: RecordedBoards,
@@ -290,20 +275,19 @@ def learner_of(
     library, total = find("procedural"), len(boards) + len(held_out)
     told = progress or (lambda done, of: None)
     traces = list(_looked_at(boards, config, config.net.unseen, lambda done: told(done, total)))
-    recorded = len(traces)
     judged = list(_looked_at(held_out, config, False, lambda done: told(len(boards) + done, total)))
     for world in worlds if config.drawn and config.labels == "parents" else ():
         drawn = draw_boards(world, config.drawn, seed, library, config.actions, config.blur)
         traces += [trace for _, trace in drawn]
     if not config.net.rising:
-        return MechanismLearner(config, traces, judged, seed, recorded)
+        return MechanismLearner(config, traces, judged, seed)
     links = KnownLinks.of(traces, generator(seed, "train", 0, "reason/mechanism/known links"))
     purposes = "reason/mechanism/rising", "reason/mechanism/rising, held out"
     traces, judged = (
         [links.heard(one, generator(seed, "train", number, purpose)) for number, one in enumerate(each)]
         for each, purpose in zip((traces, judged), purposes, strict=True)
     )
-    learner = MechanismLearner(config, traces, judged, seed, recorded)
+    learner = MechanismLearner(config, traces, judged, seed)
     assert learner.network.rising is not None
     learner.network.rising.learn(links.forms, links.rises)
     return learner

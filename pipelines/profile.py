@@ -3,7 +3,8 @@
     python -m pipelines.profile laptop [--assets DIR]
 
 reads `pipelines/laptop/*.yaml` as strictly as the stages will, checks that the objects are there, and makes the values
-the pipeline's: `params.yaml`, from which dvc.yaml takes them. `--assets` names other objects than the profile does.
+the pipeline's: `params.yaml`, from which dvc.yaml takes them, with one more that says where the objects lie. `--assets`
+names other objects than the profile does.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from busybot.common import plugins
 from busybot.common.atomic_io import write_atomically
 from busybot.common.config import build
 from busybot.common.errors import BusybotError, naming
@@ -22,6 +24,12 @@ from busybot.objects.resolve import find
 
 FOLDER = Path(__file__).resolve().parent
 PARAMS = "params.yaml"
+PROCEDURAL = "busybot/objects/procedural"
+"""What the procedural objects are made from."""
+OBJECTS = """
+# Where these objects lie, for DVC to notice when they change; pipelines/profile.py says it.
+objects: {}
+"""
 
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
@@ -181,6 +189,7 @@ def read_profile(name: str, folder: Path = FOLDER) -> Profile:
     for file, kind in stage_configs(profile).items():
         build(kind, place / file, [], {})
     _check_agents(place / PARAMS, profile.tasks)
+    _check_encoder(place / PARAMS, profile.reason.encoder)
     return profile
 
 
@@ -191,6 +200,17 @@ def _check_agents(file: Path, tasks: Tasks) -> None:
         with naming(f"{file}: parameter tasks.{name}"):
             for agent in getattr(tasks, name).split(","):
                 kind_of(agent)
+
+
+def _check_encoder(file: Path, encoder: str) -> None:
+    """Refuse what is no encoder; one with weights is not made here, for they may have to be downloaded."""
+    from busybot.reason.encoders.registry import DEFAULT, ENCODERS, PIXELS, make_extractor
+
+    base, dash, pixels = encoder.partition("-")
+    named = base in (*ENCODERS, *plugins.names("encoders")) and (not dash or pixels in PIXELS)
+    with naming(f"{file}: parameter reason.encoder"):
+        if base == DEFAULT or not named:
+            make_extractor(encoder)
 
 
 def stage_configs(profile: Profile) -> dict[str, type[BaseModel]]:
@@ -215,12 +235,14 @@ def install(name: str, params: Path, assets: str | None = None, folder: Path = F
     options = {} if assets is None else {"assets": assets}
     chosen = build(Profile, folder / name / PARAMS, [], options).assets
     try:
-        find(chosen)
+        library = find(chosen)
     except BusybotError as error:
         raise BusybotError(error.what, "name the folder of annotated objects: make reproduce ASSETS=DIR") from None
     text = (folder / name / PARAMS).read_text(encoding="utf-8")
     if chosen != profile.assets:
         text = re.sub(r"(?m)^assets:.*$", lambda _: f"assets: {json.dumps(chosen, ensure_ascii=False)}", text)
+    place = PROCEDURAL if chosen == "procedural" else library.folder.as_posix()
+    text += OBJECTS.format(json.dumps(place, ensure_ascii=False))
     if not params.is_file() or params.read_text(encoding="utf-8") != text:
         write_atomically(params, text.encode())
 

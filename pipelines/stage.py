@@ -3,8 +3,8 @@
     python -m pipelines.stage OUT... [--input PATH...] -- BUSYBOT-ARGUMENTS [-- BUSYBOT-ARGUMENTS ...]
 
 busybot's commands continue in the folders that they began. So what a stage left behind is kept (`persist: true`) as
-long as it comes from the same commands, inputs and code; otherwise it is removed first. Beside the first OUT, in
-`.stages`, a note tells the commands, their wall time and their processor time, those of interrupted runs included.
+long as it comes from the same commands, inputs, objects and code; otherwise it is removed first. Beside the first OUT,
+in `.stages`, a note tells the commands, their wall time and their processor time, those of interrupted runs included.
 """
 
 import argparse
@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict
@@ -23,6 +24,7 @@ from busybot.common import plugins
 from busybot.common.atomic_io import write_json
 from busybot.evaluation.results import code_digest
 
+ASSETS = "--assets"
 STATE = ".stages"
 NOTE_EVERY_S = 20.0
 
@@ -58,18 +60,34 @@ def digest(path: Path) -> str:
     return total.hexdigest()
 
 
+def objects(commands: list[list[str]]) -> dict[str, str]:
+    """Digests of the folders of objects that commands name; other objects come with the code or with a package."""
+    named = {after for command in commands for word, after in pairwise(command) if word == ASSETS}
+    return {name: digest(Path(name)) for name in sorted(named) if Path(name).is_dir()}
+
+
 def note_of(out: Path) -> Path:
     """Where the note of a stage with this output lies."""
     return out.parent / STATE / f"{out.name}.json"
 
 
+def key_of(commands: list[list[str]], inputs: list[Path]) -> str:
+    """Digest of all that decides what the commands make."""
+    parts = [code_digest(), *plugins.packages().values(), *map(digest, inputs), *objects(commands).values()]
+    return hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest()
+
+
 def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
-    """Note what the outputs are made from; remove what was made from something else."""
+    """Note what the outputs are made from; remove what was made from something else.
+
+    What an earlier run took counts as long as its outputs are there.
+    """
     file = note_of(outs[0])
     known = json.loads(file.read_text()) if file.is_file() else {}
-    if known.get("key") == key:
-        return Note.model_validate(known | {"done": False})
-    for out in outs:
+    same = known.get("key") == key
+    if same and all(out.exists() for out in outs):
+        return Note.model_validate(known)
+    for out in outs if not same else []:
         shutil.rmtree(out, ignore_errors=True)
     note = Note(key=key, commands=commands)
     write_json(file, note.model_dump())
@@ -77,14 +95,18 @@ def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
 
 
 def run(commands: list[list[str]], note: Note, file: Path) -> int:
-    """The exit code of the first command that fails, or 0; time is noted as it passes."""
+    """The exit code of the first command that fails, or 0; time is noted as it passes.
+
+    Of a stage that was done the outputs are there already: looking at them once more is no cost of theirs.
+    """
     began, code = time.monotonic(), 0
+    together = max if note.done else sum
 
     def keep(done: bool) -> None:
         ended = resource.getrusage(resource.RUSAGE_CHILDREN)  # only commands that ended are in it
         spent = {
-            "seconds": round(note.seconds + time.monotonic() - began, 1),
-            "cpu_seconds": round(note.cpu_seconds + ended.ru_utime + ended.ru_stime, 1),
+            "seconds": round(together((note.seconds, time.monotonic() - began)), 1),
+            "cpu_seconds": round(together((note.cpu_seconds, ended.ru_utime + ended.ru_stime)), 1),
         }
         write_json(file, note.model_copy(update={**spent, "done": done}).model_dump())
 
@@ -108,8 +130,7 @@ def main() -> int:
     parser.add_argument("out", nargs="+", type=Path)
     parser.add_argument("--input", nargs="*", type=Path, default=[])
     arguments = parser.parse_args(own)
-    parts = [code_digest(), *plugins.packages().values(), *map(digest, arguments.input)]
-    key = hashlib.sha256(json.dumps([commands, parts]).encode()).hexdigest()
+    key = key_of(commands, arguments.input)
     return run(commands, begin(arguments.out, key, commands), note_of(arguments.out[0]))
 
 

@@ -56,6 +56,9 @@ def view(
         raise typer.BadParameter("it needs --screenshot or the viewer's window", param_hint="--step")
     if assets is not None and not replay:
         raise typer.BadParameter("it needs --replay", param_hint="--assets")
+    for option, given in (("--model", model is not None), ("--replay", replay)):
+        if given and figure and not (save or screenshot or web):
+            raise typer.BadParameter("a figure does not show it; it needs another output, too", param_hint=option)
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
     wanted = ViewRequest(save, screenshot, figure, step, web, model, objects, reasoner)
     before = signal.signal(signal.SIGTERM, _interrupt)

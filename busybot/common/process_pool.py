@@ -34,6 +34,7 @@ RECYCLE = 300
 """A worker is replaced after so many tasks."""
 TRIES = 3
 NEVER_STARTED = "found no worker that starts"
+TOO_LONG = "took more than"
 PR_SET_PDEATHSIG = 1
 PROCESSORS = Path("/proc/cpuinfo")
 INTEL = "GenuineIntel"
@@ -233,7 +234,7 @@ def _answer(ray: Any, call: Any, ready: bool) -> tuple[str, Any]:
     except ray.exceptions.RayTaskError as error:
         return "fault", (repr(error.cause), None)
     except ray.exceptions.RayError:
-        return "lost", "killed its worker or took too long"
+        return "lost", f"killed its worker or {TOO_LONG} its time"
 
 
 def _in_folder(folder: str, make_work: MakeWork, arguments: tuple[Any, ...]) -> Callable[[Any], Any]:
@@ -253,8 +254,8 @@ def share(function: Callable[[Task], Result], tasks: Iterable[Task], workers: in
         return
     results: dict[int, Result] = {}
     awaited = 0
-    # no simulator is in these workers: none has to be replaced
-    for index, result in run_tasks(range(len(todo)), _apply, (function,), workers, recycle=len(todo), given=todo):
+    # no simulator is in these workers: none has to be replaced, also if they are kept for one work after the other
+    for index, result in run_tasks(range(len(todo)), _apply, (function,), workers, recycle=sys.maxsize, given=todo):
         results[index] = result
         while awaited in results:
             yield results.pop(awaited)
@@ -275,8 +276,11 @@ def _settle(outcome: Outcome, waiting: deque[int], tries: Counter[int]) -> Itera
         raise BusybotError(*value)
     tries[task] += 1
     if tries[task] >= TRIES:
-        hint = 'in a script, work with several processes stands under `if __name__ == "__main__":`'
-        hint = hint if value == NEVER_STARTED else "busybot doctor"
+        hint = "busybot doctor"
+        if value == NEVER_STARTED:
+            hint = 'in a script, work with several processes stands under `if __name__ == "__main__":`'
+        elif TOO_LONG in value:
+            hint += "; a task that has less to do is quicker: fewer --steps, where it is an episode"
         raise BusybotError(f"task {task} {value} in each of {TRIES} tries", hint)
     waiting.appendleft(task)
 
@@ -362,7 +366,7 @@ def _collect(worker: _Worker, task_seconds: float) -> Outcome | None:
     worker.task = None
     if dead:
         return task, "lost", NEVER_STARTED if worker.process.exitcode == 1 and not worker.done else "killed its worker"
-    return task, "lost", f"took more than {task_seconds:.0f} s"
+    return task, "lost", f"{TOO_LONG} {task_seconds:.0f} s"
 
 
 def _end(worker: _Worker) -> None:

@@ -299,7 +299,8 @@ class Dataset:
         if changed:
             differing = [f"{name} {was!r}, now {now!r}" for name, (was, now) in changed.items()]
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
-            raise BusybotError(what, f"{collect_command(self.path, self.info)}; or collect into another dataset")
+            again = collect_command(self.path, self.info, differing={name: was for name, (was, _) in changed.items()})
+            raise BusybotError(what, f"{again}; or collect into another dataset")
 
     @contextmanager
     def locked(self) -> Iterator[None]:

@@ -2,6 +2,7 @@
 
 import json
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -70,7 +71,8 @@ class CollectInfo(FrozenModel):
 
     def group(self, name: str) -> dict[str, Any]:
         """A group of the settings; empty where there is none, for anybody may have written the file."""
-        return _group(self.settings, name)
+        found = self.settings.get(name)
+        return found if isinstance(found, dict) else {}
 
     def look(self) -> dict[str, Any]:
         """How the simulator's boards were looked at, with what JSON leaves out; empty for what was not simulated."""
@@ -78,25 +80,12 @@ class CollectInfo(FrozenModel):
         return with_unsaid(found) if found else {}
 
 
-USUAL: dict[str, dict[str, Any]] = {
-    "interaction": {
-        "reward": "pixels", "tolerance": 0.01, "stop": "physics", "strict_angle_deg": 30.0, "increment": 0.03,
-        "increments": 7, "physics_steps": 5, "stiffness": 200.0, "damping": 4.0, "force_limit": 3.0,
-    },
-    "render": {
-        "shader": "busybot", "width": 640, "height": 480, "position": [0.0, -0.1, 4.0], "target": [0.0, 0.0, 0.0],
-        "fov_deg": 69.4, "near": 1.0, "far": 6.0, "camera": {}, "randomise": {},
-    },
-    "learned": {
-        "candidates": "peaks", "peak_radius": 3, "peak_logit": -4.0, "most": 40, "blur": 3, "region_logit": 0.0,
-        "dense_weight": 0.65, "caution": 1.25, "temperature": 3.0, "change": 2e-4, "reach": 36, "disc": 2,
-        "component_penalty": 1.0, "failure_penalty": 0.7, "responder_penalty": 3.0, "trigger_bonus": 1.2,
-        "known_pair": 0.97, "explore": 0.25, "insist": 0.35, "collect": 0.005, "untried_first": True, "persist": 0.0,
-        "ucb_c": 0.5, "ucb_window": 10, "clusters": 7, "cluster_belief": 0.5,
-    },
-}  # fmt: skip
-"""What is recorded of the groups of `collect`'s parameters if nobody sets them, without what has an option of its own.
-The rooms to which they belong come later than this one, so that it cannot ask them; a test does."""
+SETTABLE = {
+    "settings.interaction.": "interaction.",
+    "settings.render.": "render.",
+    "settings.chooser.policy.": "learned.",
+}
+"""Under which names of a recording are the parameters of `collect`, and what `--set` calls them."""
 UNSAID: dict[str, Any] = {"camera": {}, "randomise": {}}
 """Groups that are left out of the JSON of render settings where they say nothing."""
 
@@ -137,7 +126,9 @@ def name_of(folder: str) -> str:
     return folder.encode(errors="replace").decode()[:LONGEST_NAME]
 
 
-def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> str:
+def collect_command(
+    path: Path, info: DatasetInfo, program: str = "busybot", differing: Mapping[str, Any] | None = None
+) -> str:
     """The command that records the missing episodes with the recorded settings; where nothing is recorded, by a policy
     that moves something, which is the default with tasks alone.
 
@@ -145,6 +136,8 @@ def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> 
 
     Args:
         program: how it is called.
+        differing: what is recorded of settings that a command named otherwise, by dotted names: the usual ones are not
+            known in this room, so that those of interaction, pictures and policy are not among the others.
     """
     command, collect = f"{program} collect {shlex.quote(str(path))}", info.collect
     if collect is None:
@@ -157,31 +150,23 @@ def collect_command(path: Path, info: DatasetInfo, program: str = "busybot") -> 
     command += " --strict" if collect.strict else ""
     command += " --until-known" if collect.group("chooser").get("until_known") else ""
     command += f" --set interaction.delta={collect.delta}" if collect.delta != 500 else ""
-    for name, value in _unusual(collect).items():
+    look = collect.look()
+    for group in UNSAID:
+        command += f" --set {shlex.quote(f'render.{group}={json.dumps(look[group])}')}" if look.get(group) else ""
+    for name, value in _parameters(differing or {}).items():
         command += f" --set {shlex.quote(f'{name}={json.dumps(value)}')}"
     responders = collect.settings.get("responders", True)
     return command + ("" if responders else f" --set responders={json.dumps(responders)}")
 
 
-def _unusual(collect: CollectInfo) -> dict[str, Any]:
-    """What was set of `collect`'s parameters, by dotted names; a model's card may have constants of its own."""
-    chooser = collect.group("chooser")
-    card = _group(_group(chooser, "model"), "card")
-    own = {name: card[name] for name in ("prior", "after_failure") if name in card} | _group(card, "thresholds")
-    recorded = {"interaction": collect.group("interaction"), "render": collect.look()}
-    recorded["learned"] = _group(chooser, "policy")
-    usual = USUAL | {"learned": USUAL["learned"] | own}
+def _parameters(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """What `--set` can say of what was recorded, by its names."""
     return {
-        f"{group}.{name}": values[name]
-        for group, values in recorded.items()
-        for name, value in usual[group].items()
-        if name in values and values[name] != value
+        name.replace(place, parameter, 1): value
+        for name, value in recorded.items()
+        for place, parameter in SETTABLE.items()
+        if name.startswith(place) and name.removeprefix("settings.render.").split(".")[0] not in UNSAID
     }
-
-
-def _group(values: dict[str, Any], name: str) -> dict[str, Any]:
-    found = values.get(name)
-    return found if isinstance(found, dict) else {}
 
 
 def read_description(

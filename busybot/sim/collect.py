@@ -13,7 +13,7 @@ from pydantic import Field
 
 from busybot.common.errors import naming
 from busybot.common.frozen_model import FrozenModel
-from busybot.common.process_pool import Engine, Progress, run_tasks
+from busybot.common.process_pool import TASK_SECONDS, Engine, Progress, run_tasks
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo
 from busybot.episodes.mcap.writer import write_episode
@@ -25,6 +25,9 @@ from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
+
+STEP_SECONDS = 2.0
+"""More than a step takes where many workers share a machine."""
 
 
 class CollectConfig(FrozenModel):
@@ -94,9 +97,14 @@ def collect(
         missing = [index for index in range(dataset.info.boards) if index not in before]
         seed = dataset.info.seed if config.seed is None else config.seed
         arguments = (dataset.path, library, config, seed, factory)
-        results = engine(missing, _make_work, arguments, workers)
+        results = engine(missing, _make_work, arguments, workers, task_seconds=episode_seconds(config.steps))
         new = store_tables(dataset, results, progress, len(before), dataset.info.boards)
     return Collected(dataset.info.boards, len(before) + new, new)
+
+
+def episode_seconds(steps: int) -> float:
+    """How long a worker may be at an episode before it is taken for one that hangs."""
+    return max(TASK_SECONDS, STEP_SECONDS * steps)
 
 
 def store_tables(

@@ -5,6 +5,7 @@ want them: they wrap the environment, one around the other, and Gymnasium's own 
 `busybot/BoardPixels-v0` the environment is wrapped in both.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -38,8 +39,12 @@ Observation = dict[str, Any]
 Config = TypeVar("Config", bound=FrozenModel)
 Core = dict[str, Any]
 """An action of the environment itself."""
+State = tuple[BoardSpec, BoardState, int, int]
+"""Of a board at rest: the board, its state, the number of steps taken, and the seed of a real camera's pictures."""
 STEP_TRUTH = ("success", "acted_object", "changed_pixels", "executed", "distance")
 """What `info` says of a step."""
+OPTIONS = ("board", "index")
+"""What `reset` takes as options, one of them."""
 
 
 class BusyBoardEnv(gymnasium.Env[Observation, Core]):
@@ -78,7 +83,8 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     `assets`: `procedural` or a folder of objects; `boards`: how boards are drawn (`BoardConfig`, its `seed` and number
     of boards are ignored); `render`, `interaction`: see their classes; `max_steps`. Each configuration may be a plain
     dictionary, as `boards={"split": "novel-object"}`. `reset(options={"board": spec})`
-    plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of the seed.
+    plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of the seed. The
+    spaces are those of the boards that are drawn: a given one that is larger, or seen from farther away, is refused.
 
     ## Versions
     * v0: first version.
@@ -106,6 +112,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         scene, shape = SCENES.get(self._boards.world), (self._view.height, self._view.width)
         width, height = scene.size if scene else BoardSpec.model_fields["size"].default
         far = max(self._view.far, SIGHT * scene.distance) if scene else self._view.far
+        self._most = (width, height, far)
         self.observation_space = spaces.Dict(
             {
                 "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
@@ -121,13 +128,16 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
+        given, index = _asked_for(options or {})
+        if given is not None:
+            self._check_fits(given)
         super().reset(seed=seed)
-        options = options or {}
-        board = options.get("board") or self._draw(options.get("index"))
+        board = self._draw(index) if given is None else given
         if self._simulator is None:
             self._simulator = Simulator(self._library, self._view)
         self._scene = self._simulator.board(board)
         self._rays = Rays(self._scene.camera)
+        self._seed = self._np_random_seed or 0
         self._image, self._steps = self._look(0), 0
         return self._observation(), self._truth(None)
 
@@ -175,20 +185,37 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         assert self._image.depth is not None
         return np.asarray(self._rays.point(self._image.depth, (column, row)), np.float32)
 
-    def save_state(self) -> tuple[BoardSpec, BoardState, int]:
-        """The exact state: the board, its trigger states and the number of steps taken."""
+    def save_state(self) -> State:
+        """The exact state: the board, its trigger states, the number of steps taken, and the seed of what a real camera
+        adds to its pictures."""
         scene = self._playing()
-        return scene.spec, scene.save(), self._steps
+        return scene.spec, scene.save(), self._steps, self._seed
 
-    def restore_state(self, state: tuple[BoardSpec, BoardState, int]) -> Observation:
-        """Go back to a saved state and return its observation; the same actions then have the same outcomes."""
-        board, saved, steps = state
+    def restore_state(self, state: State | tuple[BoardSpec, BoardState, int]) -> Observation:
+        """Go back to a saved state and return its observation; the same actions then have the same outcomes.
+
+        A state of an earlier version tells no seed: a real camera's pictures are then those of the present one.
+        """
+        board, saved, steps, *seed = state
         if self._scene is None or self._scene.spec != board:
             self.reset(options={"board": board})
         scene = self._playing()
         scene.restore(saved)
+        self._seed = seed[0] if seed else self._seed
         self._image, self._steps = self._look(steps), steps
         return self._observation()
+
+    def _check_fits(self, board: BoardSpec) -> None:
+        """Refuse a board on which observations and actions would leave their spaces."""
+        most, sight = self._most, self._view.of_board(board).far
+        if max(board.size[0] - most[0], board.size[1] - most[1], sight - most[2]) < 1e-6:
+            return
+        told = f"the board is {board.size[0]:g} x {board.size[1]:g} and seen as far as {sight:.1f}"
+        held = f"{most[0]:g} x {most[1]:g} and {most[2]:.1f}"
+        hint = f'boards={{"world": "{board.world}"}}'
+        if board.world not in SCENES:
+            hint = f'render={{"far": {math.ceil(sight)}}}, if the board is not too large'
+        raise BusybotError(f"{told}; this environment's spaces are for {held}", f"make the environment with {hint}")
 
     def _draw(self, index: int | None) -> BoardSpec:
         """One board, drawn from the environment's seed."""
@@ -201,7 +228,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         return list(generate_boards(config, self._library))[rng.integers(size)]
 
     def _look(self, frame: int) -> Image:
-        return look(self._playing(), self._np_random_seed or 0, frame)
+        return look(self._playing(), self._seed, frame)
 
     def _observation(self) -> Observation:
         assert self._image.depth is not None
@@ -309,6 +336,23 @@ class PolicyAgent:
 
     def _observed(self, observation: Observation) -> recorded.Observation:
         return recorded.Observation(observation["rgb"], observation["depth"], self._env.rays.camera)
+
+
+def _asked_for(options: Mapping[str, Any]) -> tuple[BoardSpec | None, int | None]:
+    """The board and the index of `reset`'s options, of which at most one is there."""
+    hint = 'options={"board": spec} plays a BoardSpec, options={"index": i} board i of the seed'
+    for name in options:
+        if name not in OPTIONS:
+            raise BusybotError(f"reset: there is no option {name!r}", hint)
+    board, index = (options.get(name) for name in OPTIONS)
+    if board is not None and index is not None:
+        raise BusybotError("reset: the options board and index exclude each other", hint)
+    if board is not None and not isinstance(board, BoardSpec):
+        what = f"reset: option board: {type(board).__name__} is no BoardSpec"
+        raise BusybotError(what, "BoardSpec.model_validate reads plain values")
+    if index is not None and (isinstance(index, bool) or not isinstance(index, int | np.integer) or index < 0):
+        raise BusybotError(f"reset: option index: {index!r} is no number of a board", "count from 0")
+    return board, None if index is None else int(index)
 
 
 def _config(kind: type[Config], name: str, given: Config | Mapping[str, Any] | None) -> Config:

@@ -20,7 +20,7 @@ from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import Rows, episode_rows
 from busybot.objects.library import Library
-from busybot.sim.collect import store_tables
+from busybot.sim.collect import episode_seconds, store_tables
 from busybot.sim.replay import act_again, render_config
 from busybot.sim.scene.board_scene import Simulator
 
@@ -78,14 +78,16 @@ def regenerate(
     recorded = dataset.boards()
     boards, origin = boards_again(dataset.info.generator, library, recorded)
     unlike = [old.index for old, new in zip(recorded, boards, strict=True) if old.digest() != new.digest()]
-    if out.resolve() == path.resolve():
-        raise BusybotError(f"{out}: it is the recorded dataset itself", "name another folder")
+    if out.resolve().is_relative_to(path.resolve()):
+        raise BusybotError(f"{out}: it lies within the recorded dataset", "name a folder elsewhere")
     target = continue_or_create(out, dataset.info, boards)
     indices = [index for index in indices if index not in set(unlike)]
     found = Regenerated(out, len(boards), origin, unlike)
 
     def compared() -> Iterator[tuple[int, Rows]]:
-        for index, (rows, difference, rule) in run_tasks(indices, _make_work, (path, out, library, collect), workers):
+        arguments, seconds = (path, out, library, collect), episode_seconds(collect.steps)
+        results = run_tasks(indices, _make_work, arguments, workers, task_seconds=seconds)
+        for index, (rows, difference, rule) in results:
             found.add(index, difference, rule)
             yield index, rows
 

@@ -66,6 +66,8 @@ def _refuse_other_kinds(wanted: ViewRequest) -> None:
         path = getattr(wanted, name)
         if path is not None and path.suffix.lower() != suffix:
             raise BusybotError(f"--{name} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
+        if path is not None and path.is_dir():
+            raise BusybotError(f"--{name} {path}: it is a folder", f"name a file that ends in {suffix}")
 
 
 def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callable[[ViewResult], None]) -> None:

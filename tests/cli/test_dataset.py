@@ -8,7 +8,9 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.common.atomic_io import scan
+from tests.datasets.camera_folders import write_camera_folder
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
@@ -142,3 +144,16 @@ def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
     here = run("repair", dataset)
     assert "episode 1: saved entirely" in here.stdout and "episode 3: could not be kept" in here.stdout
     assert run("verify", dataset).exit_code == 0
+
+
+def test_options_about_times_are_refused_where_there_are_none(tmp_path: Path) -> None:
+    bare = write_camera_folder(tmp_path / "bare", make_episode(0))
+    for option, value in (("--fps", 30), ("--shift", 99)):
+        refused = run("import", bare, "--dry-run", option, value)
+        assert refused.exit_code == 2 and f"{option} is for" in " ".join(refused.stderr.split()), refused.stderr
+    timed = write_camera_folder(tmp_path / "timed", make_episode(0), times=True)
+    assert run("import", timed, "--dry-run", "--shift", 0.1).exit_code == 0
+    assert "--fps is for" in " ".join(run("import", timed, "--dry-run", "--fps", 30).stderr.split())
+    (bare / "board.mp4").touch()
+    read = run("import", bare, "--dry-run", "--fps", 30).stderr
+    assert "--fps is for" not in " ".join(read.split()), "what is wrong with the video is told where it is read"

@@ -64,6 +64,23 @@ def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: 
     assert refused.returncode == 1 and "render" in refused.stderr
 
 
+def test_the_hint_for_other_settings_is_a_command_that_goes_on(tmp_path: Path) -> None:
+    out = str(tmp_path / "data")
+    busybot("generate", out, "--boards", "2", "--group-size", "1")
+    sets = ("interaction.increments=5", "interaction.strict_angle_deg=40", "learned.collect=0.01", "learned.prior=0.2")
+    own = ("--policy", "learned", *(word for one in sets for word in ("--set", one)))
+    done = busybot("collect", out, "--workers", "1", *own, *SMALL[:4], "--steps", "1")
+    assert done.returncode == 0, done.stderr
+    Dataset.open(Path(out)).episode_path(1).unlink()
+    refused = busybot("collect", out, "--policy", "learned", "--steps", "1")
+    assert refused.returncode == 1 and "begun with other settings" in refused.stderr
+    hint = refused.stderr.split("hint: ")[1].split("; or collect into another dataset")[0]
+    words = shlex.split(" ".join(hint.split()))
+    assert words[:2] == ["busybot", "collect"] and words.count("--set") == len(sets) + 2, "and the pictures' size"
+    again = busybot(*words[1:], "--workers", "1")
+    assert again.returncode == 0, again.stderr
+
+
 def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:
     out = str(tmp_path / "tasks")
     refused = busybot("generate", out, "--tasks", "one-to-many", "--relations", "one-to-one")
@@ -140,6 +157,14 @@ def test_a_killed_collection_of_a_world_is_continued(tmp_path: Path) -> None:
     assert busybot("collect", str(folders[1]), *arguments).returncode == 0
     assert busybot("dataset", "verify", str(folders[1])).returncode == 0
     assert busybot("dataset", "diff", *map(str, folders)).stdout.strip().endswith("are equal")
+
+
+def test_where_a_picture_of_a_replay_goes_is_checked_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "folder.png").mkdir()
+    for name, said in (("folder.png", "it is a folder"), ("", "it is a folder"), ("shot.jpg", "it writes .png files")):
+        refused = busybot("replay", "nowhere.mcap", "--step", "1", "--screenshot", str(tmp_path / name))
+        told = " ".join(refused.stderr.split())
+        assert refused.returncode == 1 and said in told and "name a file that ends in .png" in told, refused.stderr
 
 
 @pytest.mark.long

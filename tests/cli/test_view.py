@@ -105,6 +105,22 @@ def test_a_step_without_a_place_to_show_it_is_wrong_usage(dataset: Path, tmp_pat
     assert run(dataset, "--web", "--step", 2).exit_code == 2
 
 
+@pytest.mark.parametrize(
+    "words", [("--model", "procedural"), ("--model", "nobody"), ("--replay",), ("--replay", "--assets", "procedural")]
+)
+def test_what_a_figure_does_not_show_is_wrong_usage_without_another_output(
+    words: tuple[str, ...], dataset: Path, tmp_path: Path
+) -> None:
+    refused = run(dataset, "--figure", tmp_path / "f.png", *words)
+    assert refused.exit_code == 2 and words[0] in refused.stderr and not (tmp_path / "f.png").exists()
+
+
+def test_a_folder_is_no_file_to_write(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "f.png").mkdir()
+    refused = run(dataset, "--figure", tmp_path / "f.png")
+    assert refused.exit_code == 1 and "it is a folder" in refused.stderr
+
+
 def test_a_reasoner_comes_before_counting(dataset: Path, tmp_path: Path) -> None:
     result = run(dataset, "--save", tmp_path / "e.rrd", "--reasoner", "lookup", "--json")
     assert result.exit_code == 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from busybot.cli.main import load_command
 from busybot.common.atomic_io import write_json
@@ -18,9 +19,10 @@ from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.view.report.report import write_report
-from pipelines.profile import FOLDER, install, read_profile
-from pipelines.stage import begin, note_of, run
+from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, read_profile
+from pipelines.stage import Note, begin, key_of, note_of, run
 from pipelines.tables import interaction, notes, planning, reasoning, typed
+from tests.test_imports import PACKAGE, uses
 from tests.view.report.test_report import DATASET, reasoned
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,6 +82,9 @@ def test_paper_has_the_papers_sizes() -> None:
         ),
         ("params.yaml", "seed: 602", "seed: 601", r"data\.sets: two have the same boards"),
         ("params.yaml", "model: event", "model: event\n  modle: x", r"params\.yaml: parameter reason\.modle: Extra"),
+        ("params.yaml", "encoder: embedded", "encoder: embeded", r"parameter reason\.encoder: .*'embeded'"),
+        ("params.yaml", "encoder: embedded", "encoder: resnet50-all", r"params\.yaml: parameter reason\.encoder: "),
+        ("params.yaml", "encoder: embedded", "encoder: embedded-centre", r"reason\.encoder: embedded does not encode"),
         ("params.yaml", "agents: search,", "agents: serach,", r"params\.yaml: parameter tasks\.agents: .*'serach'"),
         ("params.yaml", "assets: ../shared", 'assets: "$(rm)', r"laptop/params\.yaml"),
         ("interact.yaml", "steps: 24, p", "step: 24, p", r"laptop/interact\.yaml: parameter rounds\.0\.steps: "),
@@ -98,14 +103,17 @@ def test_what_is_wrong_is_named_with_file_and_place(copied: Path, file: str, old
 def test_a_profile_becomes_the_pipelines_values(copied: Path, tmp_path: Path) -> None:
     params = tmp_path / "params.yaml"
     install("smoke", params, folder=copied)
-    assert params.read_bytes() == (copied / "smoke" / "params.yaml").read_bytes()
+    text = (copied / "smoke" / "params.yaml").read_text()
+    assert params.read_text() == text + OBJECTS.format(f'"{PROCEDURAL}"') and (ROOT / PROCEDURAL).is_dir()
+    assert params.read_text() == (ROOT / "params.yaml").read_text(), "what is committed is the pipeline's"
     tiny = ROOT / "datasets" / "tiny" / "objects"
     written = params.stat().st_mtime_ns
     install("smoke", params, folder=copied)
     assert params.stat().st_mtime_ns == written, "the same values are not written again"
     install("laptop", params, str(tiny), copied)
     text = (copied / "laptop" / "params.yaml").read_text()
-    assert params.read_text() == text.replace("assets: ../shared/partnet-mobility", f'assets: "{tiny}"')
+    text = text.replace("assets: ../shared/partnet-mobility", f'assets: "{tiny}"')
+    assert params.read_text() == text + OBJECTS.format(f'"{tiny}"')
     with pytest.raises(BusybotError, match=r"nowhere(.|\n)*ASSETS=DIR"):
         install("laptop", params, "nowhere", copied)
     with pytest.raises(BusybotError, match=r"no profile 'huge'(.|\n)*laptop or paper or smoke"):
@@ -140,7 +148,8 @@ def test_busybot_takes_the_commands_of_every_stage(name: str, tmp_path: Path) ->
     (tmp_path / ".dvc").mkdir()
     shutil.copy(ROOT / ".dvc" / "config", tmp_path / ".dvc" / "config")
     shutil.copy(ROOT / "dvc.yaml", tmp_path)
-    shutil.copy(FOLDER / name / "params.yaml", tmp_path)
+    values = (FOLDER / name / "params.yaml").read_text()
+    (tmp_path / "params.yaml").write_text(values + OBJECTS.format("objects"))
     said = subprocess.run([DVC / "python", "-c", STAGES, tmp_path], capture_output=True, text=True, check=True)
     stages: dict[str, Any] = json.loads(said.stdout)
     lines = [line for line_or_more in stages.values() for line in _lines(line_or_more)]
@@ -154,21 +163,85 @@ def test_busybot_takes_the_commands_of_every_stage(name: str, tmp_path: Path) ->
     assert names.count("generate") == len(profile.judge.splits) + len(profile.data.sets) + cells
 
 
+USED = {
+    "generate": ("datasets/create.py",),
+    "collect": ("sim/collect.py", "interact/policy/policy_factory.py"),
+    "features": ("reason/inputs/feature_store.py",),
+    "train interact": ("interact/training/fast.py", "interact/training/paper.py"),
+    "train reason": ("reason/train.py",),
+    "eval interact": ("interact/evaluate.py", "interact/policy/policy_factory.py"),
+    "eval reason": ("reason/evaluation/evaluate.py",),
+    "eval plan": ("plan/evaluate.py",),
+}
+"""What does a command's work."""
+
+
+def test_a_stage_depends_on_the_objects_and_on_all_code_that_its_commands_use() -> None:
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    told = {name: stage.get("do", stage) for name, stage in stages.items()}
+    told = {name: stage for name, stage in told.items() if "pipelines.stage" in stage["cmd"]}
+    assert len(told) == 12
+    for name, stage in told.items():
+        deps = set(stage["deps"])
+        for words in commands(shlex.split(stage["cmd"])):
+            command = words[0] if words[0] in USED else " ".join(words[:2])
+            used = set().union(*(folders(f"busybot.{file}".replace("/", ".")[:-3]) for file in USED[command]))
+            lacking = {one for one in used if not any(f"busybot/{one}/".startswith(f"{dep}/") for dep in deps)}
+            assert not lacking, f"{name} also depends on {sorted(lacking)}"
+            assert deps & {f"busybot/cli/{words[0]}", f"busybot/cli/{words[0]}.py"}
+        assert ("${objects}" in deps) == ("--assets" in stage["cmd"]), name
+
+
+def folders(module: str) -> set[str]:
+    """Of the package, those with modules that a module imports, directly or not."""
+    known, todo = set[Path](), {module}
+    while todo:
+        name = todo.pop()
+        file = PACKAGE.parent / f"{name.replace('.', '/')}.py"
+        if file.is_file() and file not in known:
+            known.add(file)
+            todo |= {part for one in uses(file) for part in (one, one.rpartition(".")[0])}
+    return {file.parent.relative_to(PACKAGE).as_posix() for file in known} - {"."}
+
+
+def test_the_key_of_a_stage_changes_with_the_objects_that_it_names(tmp_path: Path) -> None:
+    objects = tmp_path / "objects"
+    objects.mkdir()
+    (objects / "lamp.urdf").write_text("<robot/>")
+    command, other = (["generate", "d", "--assets", str(objects)], ["generate", "d", "--assets", "procedural"])
+    before = key_of([command], []), key_of([other], [])
+    (objects / "lamp.urdf").write_text("<robot></robot>")
+    after = key_of([command], []), key_of([other], [])
+    assert after[0] != before[0] and after[1] == before[1]
+
+
 def _lines(command: str | list[str]) -> list[str]:
     return [command] if isinstance(command, str) else command
 
 
 def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_changed(tmp_path: Path) -> None:
     out, asked = tmp_path / "data" / "train", [["--version"]]
-    note = begin([out], "a", asked)
-    assert run(asked, note, note_of(out)) == 0
-    (out / "kept").mkdir(parents=True)
     first = begin([out], "a", asked)
-    assert first.seconds > 0 and not first.done and (out / "kept").exists()
+    out.mkdir(parents=True)
     assert run([["no-such-command"], *asked], first, note_of(out)) == 2
-    ((name, second),) = notes(tmp_path)
-    assert name == "data/train" and second.seconds > first.seconds and not second.done
+    second = begin([out], "a", asked)
+    assert second.seconds > 0 and not second.done and out.exists()
+    assert run(asked, second, note_of(out)) == 0
+    ((name, third),) = notes(tmp_path)
+    assert name == "data/train" and third.seconds > second.seconds and third.done
     assert begin([out], "b", asked).seconds == 0 and not out.exists()
+
+
+def test_costs_of_complete_runs_do_not_add_up(tmp_path: Path) -> None:
+    out, asked = tmp_path / "out", [["--version"]]
+    out.mkdir()
+    done = Note(key="a", commands=asked, seconds=9900.0, cpu_seconds=8800.0, done=True)
+    write_json(note_of(out), done.model_dump())
+    assert run(asked, begin([out], "a", asked), note_of(out)) == 0
+    assert [one for _, one in notes(tmp_path)] == [done], "its outputs were there"
+    out.rmdir()
+    assert run(asked, begin([out], "a", asked), note_of(out)) == 0
+    assert 0 < next(one for _, one in notes(tmp_path)).seconds < 9900, "this run made them"
 
 
 def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -17,6 +18,7 @@ import pytest
 from busybot.boards.config import BoardConfig
 from busybot.boards.spec import BoardCamera
 from busybot.common.errors import BusybotError
+from busybot.common.process_pool import TASK_SECONDS
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.verify import verify
@@ -24,7 +26,7 @@ from busybot.episodes.digests import Digests
 from busybot.episodes.mcap.reader import read_episode
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.sim.collect import CollectConfig, collect
+from busybot.sim.collect import CollectConfig, collect, episode_seconds
 from busybot.sim.scene.render import RenderConfig
 
 WorkHere = Callable[[], AbstractContextManager[None]]
@@ -66,6 +68,19 @@ def test_collecting_again_continues_and_other_settings_are_refused(tmp_path: Pat
     assert dataset.hashes() == whole
     with pytest.raises(BusybotError, match="steps 4, now 5"):
         collect(dataset, library, SMALL.model_copy(update={"steps": 5}), 1)
+
+
+def test_the_time_that_an_episode_may_take_grows_with_its_steps(tmp_path: Path) -> None:
+    given: list[float] = []
+
+    def engine(tasks: object, make_work: object, arguments: object, workers: int, task_seconds: float) -> Iterator[Any]:
+        given.append(task_seconds)
+        return iter(())
+
+    for steps in (4, 5000):
+        config = SMALL.model_copy(update={"steps": steps})
+        collect(make(tmp_path / str(steps), boards=2), find("procedural"), config, 1, engine=engine)
+    assert given == [TASK_SECONDS, episode_seconds(5000)] and given[1] >= 5000
 
 
 @pytest.mark.usefixtures("in_process")

@@ -9,6 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.spec import BoardCamera
 from busybot.common.errors import BusybotError
 from busybot.sim.builtin_policies import RandomFactory
 from busybot.sim.env import BusyBoardEnv, PolicyAgent
@@ -100,6 +101,42 @@ def test_boards_can_be_given_or_numbered(env: BusyBoardEnv) -> None:
     _, info = env.reset(seed=3, options={"index": 4})
     assert env.reset(seed=3, options={"index": 4})[1]["board"] == info["board"]
     assert env.reset(seed=9, options={"board": info["board"]})[1]["board"] == info["board"]
+
+
+def test_a_given_board_that_leaves_the_spaces_is_refused(env: BusyBoardEnv) -> None:
+    kitchens = BusyBoardEnv(boards={"world": "kitchen"}, render=SMALL)
+    board = kitchens.reset(seed=1)[1]["board"]
+    observation, info = kitchens.reset(options={"board": board})
+    assert info["board"] == board and kitchens.observation_space.contains(observation)
+    kitchens.close()
+    with pytest.raises(BusybotError, match=r"6 x 4\.4 .*spaces are for 4 x 4(.|\n)*boards=\{\"world\": \"kitchen\"\}"):
+        env.reset(options={"board": board})
+    plain = env.reset(seed=1)[1]["board"]
+    far = plain.model_copy(update={"camera": BoardCamera(position=(0, -3, 5), target=(0, 0, 0), fov_deg=60)})
+    with pytest.raises(BusybotError, match=r"seen as far as 23\.3(.|\n)*render=\{\"far\": 24\}"):
+        env.reset(options={"board": far})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"bord": 3}, "no option 'bord'"),
+        ({"index": 2.5}, "option index: 2.5"),
+        ({"index": True}, "option index: True"),
+        ({"index": -1}, "option index: -1"),
+        ({"board": {"index": 0}}, "option board: dict is no BoardSpec"),
+    ],
+)
+def test_options_of_reset_are_checked(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(BusybotError, match=message) as error:
+        BusyBoardEnv(render=SMALL).reset(options=options)
+    assert error.value.hint
+
+
+def test_a_board_and_an_index_exclude_each_other(env: BusyBoardEnv) -> None:
+    board = env.reset(seed=3, options={"board": None, "index": np.int64(4)})[1]["board"]
+    with pytest.raises(BusybotError, match="exclude each other"):
+        env.reset(options={"board": board, "index": 5})
 
 
 def test_board_options_are_honoured() -> None:

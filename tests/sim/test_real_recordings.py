@@ -143,4 +143,9 @@ def test_the_environment_looks_with_the_camera_and_goes_back_to_a_photo() -> Non
     back = environment.restore_state(saved)
     assert np.array_equal(back["rgb"], second["rgb"]) and np.array_equal(back["depth"], second["depth"])
     assert np.array_equal(environment.step(act)[0]["rgb"], third["rgb"])
+    environment.reset(seed=8)
+    assert np.array_equal(environment.restore_state(saved)["rgb"], second["rgb"]), "the seed belongs to the state"
+    assert np.array_equal(environment.step(act)[0]["rgb"], third["rgb"]) and environment.save_state()[3] == saved[3]
     assert np.array_equal(environment.reset(seed=4)[0]["rgb"], first["rgb"])
+    environment.step(act)
+    assert np.array_equal(environment.restore_state(saved[:3])["rgb"], second["rgb"]), "as earlier versions saved it"

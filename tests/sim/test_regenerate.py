@@ -2,8 +2,10 @@
 
 import json
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +16,7 @@ from busybot.datasets.verify import verify
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.resolve import find
+from busybot.sim.collect import episode_seconds
 from busybot.sim.regenerate import regenerate
 from tests.episodes.folders import make_dataset
 from tests.episodes.tamper import rewrite
@@ -86,6 +89,20 @@ def test_another_renderer_makes_the_looser_rule_apply(recorded: Dataset, copy: D
         assert regenerate(copy.path, tmp_path / "out", find("procedural")).ok == close
 
 
+def test_long_episodes_are_given_more_time(copy: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert copy.info.collect is not None
+    edit(copy, collect=copy.info.collect.model_dump() | {"steps": 5000})
+    given: dict[str, float] = {}
+
+    def engine(tasks: object, make_work: object, arguments: object, workers: int, task_seconds: float) -> Iterator[Any]:
+        given["seconds"] = task_seconds
+        return iter(())
+
+    monkeypatch.setattr("busybot.sim.regenerate.run_tasks", engine)
+    regenerate(copy.path, tmp_path / "out", find("procedural"))
+    assert given == {"seconds": episode_seconds(5000)} and episode_seconds(5000) >= 5000
+
+
 def test_boards_of_another_generator_are_taken_as_they_are(copy: Dataset, tmp_path: Path) -> None:
     edit(copy, generator={**copy.info.generator.model_dump(), "version": "0.1"})
     done = regenerate(copy.path, tmp_path / "out", find("procedural"))
@@ -93,8 +110,10 @@ def test_boards_of_another_generator_are_taken_as_they_are(copy: Dataset, tmp_pa
 
 
 def test_what_cannot_be_made_again_is_said(copy: Dataset, tmp_path: Path) -> None:
-    with pytest.raises(BusybotError, match="itself"):
-        regenerate(copy.path, copy.path, find("procedural"))
+    for within in (copy.path, copy.path / "again"):
+        with pytest.raises(BusybotError, match="lies within the recorded dataset"):
+            regenerate(copy.path, within, find("procedural"))
+    assert not (copy.path / "again").exists()
     with pytest.raises(BusybotError, match="no episodes"):
         regenerate(make_dataset(tmp_path / "empty", finished=()).path, tmp_path / "out", find("procedural"))
     make_dataset(tmp_path / "other")

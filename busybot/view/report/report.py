@@ -10,6 +10,7 @@ from pathlib import Path
 from busybot import __version__
 from busybot.common.atomic_io import copy_file, make_folder, regular_files, write_atomically
 from busybot.common.errors import BusybotError
+from busybot.common.text import unlinked
 from busybot.datasets.dataset import INFO_FILE, Dataset
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
@@ -114,7 +115,7 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     judged = verdicts(results)
     make_folder(figures, out)
     blocks: list[Block] = [Heading(TITLE, 1), *_measured(results, judged, figures)]
-    files = tuple(f"`{name}`, SHA-256 `{digest}`" for name, digest in results.files.items())
+    files = tuple(f"`{unlinked(name)}`, SHA-256 `{digest}`" for name, digest in results.files.items())
     looks = [*sequence_blocks(paths, figures), *_pictures(results, figures, shown)]
     if results.trial:
         blocks = [blocks[0], Text(TRIAL), *looks, Heading("Numbers"), *blocks[1:]]
@@ -217,7 +218,7 @@ def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:
         picture = sequence_figure(figures / f"sequence-{len(blocks):02d}.png", episode, figures.parent)
         kind = "" if episode.board.task is None else f", {episode.board.task.kind}"
         caption = f"{episode.policy} on board {episode.board.index} ({episode.board.split}{kind})"
-        blocks.append(Picture(picture, caption))
+        blocks.append(_picture(picture, caption))
     return [Heading("Planning sequences"), *(blocks or [Text(NO_SEQUENCE)])]
 
 
@@ -244,8 +245,13 @@ def _pictures(results: Results, figures: Path, shown: Shown | None) -> list[Bloc
     for place, source in enumerate(results.pictures):
         copy = figures / f"given-{place:02d}{source.suffix.lower()}"
         copy_file(source, copy, figures.parent)
-        blocks.append(Picture(copy, "/".join(source.parts[-3:])))
+        blocks.append(_picture(copy, "/".join(source.parts[-3:])))
     return blocks
+
+
+def _picture(path: Path, caption: str) -> Picture:
+    """A picture whose caption has words from a recording or a file's name, which are no links."""
+    return Picture(path, str(unlinked(caption)))
 
 
 def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
@@ -259,7 +265,7 @@ def _drawn(figures: Path, shown: Shown) -> dict[str, Block]:
     graph = inferred_over_time(episode, shown.reasoner)
     growing = f"How the graph that {graph.name} infers grows with the steps; true relations are framed."
     drawn = refinement_figure(figures / "refinement.png", episode, graph, root=figures.parent)
-    found: dict[str, Block] = {"refinement": Picture(drawn, growing)}
+    found: dict[str, Block] = {"refinement": _picture(drawn, growing)}
     if shown.model is not None:
         loaded = load_once(shown.model)
         thoughts = list(retrace(episode, loaded, policy_config(loaded.info, {})))

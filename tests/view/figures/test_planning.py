@@ -15,7 +15,7 @@ from busybot.episodes.mcap.writer import write_episode
 from busybot.view.annotations import named, remaining_responders
 from busybot.view.figures.sequences import PICTURES_PER_ROW, sequence_figure
 from busybot.view.palette import ACTION, CORRECT, WRONG
-from busybot.view.report.page import Heading, Picture, Text
+from busybot.view.report.page import Heading, Picture, Text, document, markdown
 from busybot.view.report.report import NO_SEQUENCE, sequence_blocks
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_board, make_episode, make_task_episode
@@ -105,3 +105,14 @@ def test_a_report_shows_a_telling_rollout_of_every_folder(rollouts: Path, tmp_pa
     assert cv2.imread(str(picture.path)).shape == cv2.imread(str(tmp_path / "second.png")).shape
     histories = make_dataset(tmp_path / "other" / "histories", finished=(0,)).path
     assert sequence_blocks([histories.parent, tmp_path / "none"], tmp_path / "figures")[1:] == [Text(NO_SEQUENCE)]
+
+
+def test_a_recordings_policy_and_split_are_no_links_in_a_report(rollouts: Path, tmp_path: Path) -> None:
+    evil, file = "[the results](https://evil.example/x)", Dataset.open(rollouts).episode_path(1)
+    episode = rollout()
+    episode.policy, episode.board = evil, episode.board.model_copy(update={"split": evil})
+    file.unlink()
+    write_episode(file, episode)
+    blocks = sequence_blocks([rollouts], tmp_path / "figures")
+    page, text = document("t", blocks), markdown(blocks, tmp_path)
+    assert "the results" in page and "](https" not in text and "<a href" not in page

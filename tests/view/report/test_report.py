@@ -197,6 +197,13 @@ def test_single_evaluations_and_pictures_of_a_folder(tmp_path: Path) -> None:
     assert [path.name for path in done.figures] == ["images.png", "given-00.png"]
 
 
+def test_names_of_given_pictures_are_no_links(tmp_path: Path) -> None:
+    write(tmp_path / "in" / "one.json", reasoned())
+    (tmp_path / "in" / "`[x](#files)`.png").write_bytes((RESULTS.parents[1] / "docs/images/viewer.png").read_bytes())
+    done = write_report([tmp_path / "in"], tmp_path / "out")
+    assert "[x](#files)" not in done.markdown.read_text() and ">x</a>" not in done.html.read_text()
+
+
 def test_evaluations_on_the_same_boards_are_compared_board_by_board(tmp_path: Path) -> None:
     def judged(model: str, part: list[int], **changes: Any) -> dict[str, Any]:
         counts = {"edge_p": {"part": part, "whole": [4] * len(part)}}

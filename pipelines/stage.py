@@ -80,12 +80,12 @@ def key_of(commands: list[list[str]], inputs: list[Path]) -> str:
 def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
     """Note what the outputs are made from; remove what was made from something else.
 
-    What an earlier run took counts as long as its outputs are there.
+    What an earlier run took counts if it was interrupted; of one that was done, as long as its outputs are there.
     """
     file = note_of(outs[0])
     known = json.loads(file.read_text()) if file.is_file() else {}
     same = known.get("key") == key
-    if same and all(out.exists() for out in outs):
+    if same and (not known.get("done") or all(out.exists() for out in outs)):
         return Note.model_validate(known)
     for out in outs if not same else []:
         shutil.rmtree(out, ignore_errors=True)

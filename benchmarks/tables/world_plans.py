@@ -55,6 +55,8 @@ from busybot.reason.models.registry import DEFAULT_REASONER
 from busybot.training.model_cards import file_hashes, find_folder
 
 KIND, SEED, STEPS = "world-plans", 829, 30
+POLICY = "policy"
+"""What a result calls the interaction model of whoever recorded."""
 LOCKS = {
     "lock-1-to-4": settings("depth=[1,4]"),
     "lock-5-to-8": settings("depth=[5,8]", "links=[9,12]"),
@@ -207,11 +209,12 @@ def models_of(options: argparse.Namespace) -> dict[str, dict[str, str]]:
         UsageError: two trainings have one name, or the file has worlds with another model.
     """
     folders = {"mechanism": options.model, **{seed.name: seed for seed in options.seeds}}
-    if len(folders) <= len(options.seeds):
-        raise UsageError("two trainings have one name", "name each folder of a training otherwise")
+    if len(folders) <= len(options.seeds) or POLICY in folders:
+        what = "two trainings have one name, or one is called policy"
+        raise UsageError(what, "name each folder of a training otherwise")
     found = {name: file_hashes(find_folder(model, "reason")) for name, model in folders.items()}
     if options.policy:
-        found["policy"] = file_hashes(find_folder(options.policy, "interact"))
+        found[POLICY] = file_hashes(find_folder(options.policy, "interact"))
     earlier = read_json(options.out)["hashes"]["models"] if options.out and options.out.exists() else {}
     if others := [name for name, files in found.items() if earlier.get(name, files) != files]:
         raise UsageError(f"{options.out}: it has worlds with another {others[0]}", "name another file")

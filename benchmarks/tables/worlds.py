@@ -59,7 +59,7 @@ from busybot.evaluation.statistics import compare_boards, two_level_interval
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.reason.evaluation.causes import JudgedCauses, Watched, count_links, count_parents, judge_causes, law_of
-from busybot.reason.evaluation.causes_summary import summarise_causes
+from busybot.reason.evaluation.causes_summary import outspoken, summarise_causes
 from busybot.reason.evaluation.decoders import NearestState, judged_objects
 from busybot.reason.evaluation.evaluate import IMAGES, ReasonEvaluation, judge_episode, origin
 from busybot.reason.evaluation.ground_truth import states_of
@@ -275,13 +275,15 @@ def observer_of(judged: JudgedCauses) -> JudgedCauses:
     Where nothing explains what was told it, it claims nothing.
     """
     bound = np.zeros_like(judged.claimed) if judged.bound is None else judged.bound
+    told = judged.links_silent if judged.links is None else judged.links
+    silent = None if told is None else told * (0, 0, 1)
     known = [
         replace(one, right=bool(one.bound), kind_right=bool(one.kind_bound), lag_right=bool(one.lag_bound))
         for one in judged.mechanisms
     ]
     return replace(
         judged, claimed=bound, probabilities=bound.astype(np.float32), links=judged.links_bound,
-        mechanisms=tuple(known), told=None,
+        links_silent=silent, mechanisms=tuple(known), told=None,
     )  # fmt: skip
 
 
@@ -290,10 +292,9 @@ def figures(judged: Judged, seed: int, asked: Sequence[str] = MECHANISMS) -> dic
     told = summarise_causes([*judged], IMAGES, None, seed)
     objects = [[count_parents(one.claimed[k], one.true[k]) for k in ACTIONS] for _, one in judged]
     found = {"boards": len(judged), "object": _parents(judged, objects, seed)}
-    links = [None if one.links is None else [one.links[k] for k in ACTIONS] for _, one in judged]
-    if any(one is not None for one in links):
-        empty = [np.zeros_like(own) for own in objects[0]]
-        found["link"] = _parents(judged, [empty if one is None else one for one in links], seed)
+    links = [one.links for one in outspoken([one for _, one in judged])]
+    if links and all(one is not None for one in links):
+        found["link"] = _parents(judged, [[one[k] for k in ACTIONS] for one in links if one is not None], seed)
     mechanism = told["cause_intervals"]["objects"]["mechanism_accuracy"]
     by_board = {level: told["by_board"][name] for level, name in LEVELS.items() if name in told["by_board"]}
     return {**found, **{key: told[key] for key in asked}, "mechanism_interval": mechanism, "by_board": by_board}

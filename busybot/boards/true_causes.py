@@ -50,14 +50,17 @@ class Period:
 
 
 def periods(board: BoardSpec) -> list[Period]:
-    """All relations of a board, also those that come later, by responder and time."""
+    """All relations of a board, also those that come later, by responder and time.
+
+    A file of somebody else's may have several of one responder: those that begin together end together.
+    """
     begins = [(relation.responder, 0, relation) for relation in board.relations]
     begins += [(one.relation.responder, one.step + 1, one.relation) for one in board.rewirings]
     begins.sort(key=lambda begin: begin[:2])
     found = []
-    for place, (responder, since, relation) in enumerate(begins):
-        after = begins[place + 1][:2] if place + 1 < len(begins) else (None, 0)
-        found.append(Period(relation, since, after[1] if after[0] == responder else None))
+    for responder, since, relation in begins:
+        later = [other for owner, other, _ in begins if owner == responder and other > since]
+        found.append(Period(relation, since, min(later, default=None)))
     return found
 
 

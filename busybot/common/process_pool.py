@@ -234,7 +234,7 @@ def _answer(ray: Any, call: Any, ready: bool) -> tuple[str, Any]:
     except ray.exceptions.RayTaskError as error:
         return "fault", (repr(error.cause), None)
     except ray.exceptions.RayError:
-        return "lost", f"killed its worker or {TOO_LONG} its time"
+        return "lost", "killed its worker or took too long"
 
 
 def _in_folder(folder: str, make_work: MakeWork, arguments: tuple[Any, ...]) -> Callable[[Any], Any]:

@@ -148,7 +148,7 @@ class Dataset:
         """Add boards; those that are there must be the first of `boards`, and episodes stay.
 
         `dataset.json` is written after the boards: a killed call is simply repeated, also with another number. What it
-        wrote beyond the boards that `dataset.json` tells is not read.
+        wrote beyond the boards that `dataset.json` tells is not read, and goes with other leftovers.
 
         Args:
             info: tells how many boards there are and what stands on them when the last one is drawn.
@@ -170,11 +170,22 @@ class Dataset:
                 rename(folder / _boards_name(shard), place / _boards_name(shard), place.parent)
             grown = info().model_copy(update={"name": recorded.name, "collect": recorded.collect})
             write_json(inside(self.path, INFO_FILE), grown.model_dump(mode="json"))
-            last = place / _boards_name((written - 1) // BOARDS_PER_SHARD)
-            for file in sorted(last.parent.glob("boards-*.jsonl")):
-                if file.name > last.name:
-                    remove(file, place)  # of a killed call that was to grow further
+            Dataset(self.path, grown)._remove_untold_boards()  # of a killed call that was to grow further
         return Dataset(self.path, grown)
+
+    def _remove_untold_boards(self) -> int:
+        """Delete what a killed `grow` wrote beyond the boards of `dataset.json`; returns in how many files it was."""
+        place = self.path.absolute()
+        last = max(0, -(-self.info.boards // BOARDS_PER_SHARD) - 1)
+        file = inside(place, _boards_name(last))
+        later = [one for one in sorted(file.parent.glob("boards-*.jsonl")) if one.name > file.name]
+        for one in later:
+            remove(one, place)
+        told = b"".join(b"%s\n" % line for line in self._lines(last)) if self.info.boards else b""
+        if not self.info.boards or read_regular(file, MAX_LINES_BYTES) == told:
+            return len(later)
+        write_atomically(file, told, place)
+        return len(later) + 1
 
     def boards(self) -> list[BoardSpec]:
         """All boards in order."""
@@ -299,7 +310,8 @@ class Dataset:
         if changed:
             differing = [f"{name} {was!r}, now {now!r}" for name, (was, now) in changed.items()]
             what = f"{self.path}: its episodes were begun with other settings: {'; '.join(differing)}"
-            again = collect_command(self.path, self.info, differing={name: was for name, (was, _) in changed.items()})
+            recorded = {name: was for name, (was, _) in changed.items() if was is not None}
+            again = collect_command(self.path, self.info, differing=recorded)
             raise BusybotError(what, f"{again}; or collect into another dataset")
 
     @contextmanager
@@ -315,8 +327,8 @@ class Dataset:
             yield
 
     def remove_leftovers(self) -> int:
-        """Delete temporary files of writers that are no more; returns their number. Call it under `locked`."""
-        return remove_leftovers(self.path)
+        """Delete what writers left that are no more; returns in how many files it was. Call it under `locked`."""
+        return remove_leftovers(self.path) + self._remove_untold_boards()
 
     def table_path(self, table: str, shard: int) -> Path:
         """Where shard `shard` of a table is or will be."""

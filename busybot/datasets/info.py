@@ -166,6 +166,7 @@ def _parameters(recorded: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in recorded.items()
         for place, parameter in SETTABLE.items()
         if name.startswith(place) and name.removeprefix("settings.render.").split(".")[0] not in UNSAID
+        if "policy" not in recorded or not name.startswith("settings.chooser.")  # the policy's own, as ever
     }
 
 

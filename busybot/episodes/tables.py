@@ -30,7 +30,7 @@ from busybot.episodes.schema import STEP_FIELDS, TABLES, arrow_schema
 EPISODES_PER_SHARD = 500
 EPISODES_PER_ROW_GROUP = 25
 MAX_SHARD_ROWS = EPISODES_PER_SHARD * 1001 * 64
-"""Of `steps` and `objects`, whatever `episodes` say: a thousand steps each on boards of 64 objects."""
+"""Of `steps` and `objects`, where nobody knows the episodes: a thousand steps each on boards of 64 objects."""
 MAX_SHARD_MEMORY = 4096 * MIB
 """Of a shard's values, decoded: a small file can hold one value many times."""
 ROWS_KEY, MADE_OF_KEY = b"busybot_rows", b"busybot_made_of"
@@ -228,8 +228,7 @@ def _refuse_swelling(path: Path, table: str, file: pq.ParquetFile, most: int | N
     Texts are left out of the sum: a description does not tell how often each is repeated.
     """
     groups = [file.metadata.row_group(number) for number in range(file.metadata.num_row_groups)]
-    limit = EPISODES_PER_SHARD if table == "episodes" else MAX_SHARD_ROWS
-    limit = limit if most is None else min(most, limit)
+    limit = EPISODES_PER_SHARD if table == "episodes" else MAX_SHARD_ROWS if most is None else most
     if (rows := max(file.metadata.num_rows, sum(group.num_rows for group in groups))) > limit:
         raise BusybotError(f"{path}: {rows:,} rows, at most {limit:,} belong to its episodes", HINT_TABLES)
     columns = [group.column(number) for group in groups for number in range(group.num_columns)]

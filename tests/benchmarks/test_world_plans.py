@@ -69,6 +69,7 @@ def test_a_result_is_of_one_model_and_each_training_has_a_name_of_its_own(tmp_pa
         (["--model", str(models / "mechanism-2")], "it has worlds with another mechanism"),
         (["--seeds", "runs/1/model", "runs/2/model"], "two trainings have one name"),
         (["--seeds", "runs/mechanism"], "two trainings have one name"),
+        (["--seeds", "runs/policy"], "or one is called policy"),
     ):
         with pytest.raises(UsageError, match=match):
             models_of(parsed([*asked, *words]))

@@ -104,6 +104,12 @@ def test_a_rewiring_ends_one_period_and_begins_the_next() -> None:
     assert [relations_at(spec, step)[0].triggers for step in (0, 2, 3, 9)] == [(A,), (A,), (B,), (B,)]
 
 
+def test_several_relations_of_a_responder_hold_together_until_it_is_rewired() -> None:
+    first, second = relation("one-to-one", A), relation("one-to-one", B)
+    spec = board(first, second, rewirings=(Rewiring(step=2, relation=first),))
+    assert [relations_at(spec, step) for step in (0, 2, 3)] == [[first, second], [first, second], [first]]
+
+
 def test_a_change_that_the_rewiring_made_has_no_move_as_its_cause() -> None:
     found = changes(Dynamics(rewired(), LINKS), [(0, 0)] * 4 + [(0, 1)])
     assert [(one.step, one.cause, one.rewired) for one in found] == [(3, None, True), (4, 4, False)]

@@ -79,6 +79,10 @@ def test_the_hint_for_other_settings_is_a_command_that_goes_on(tmp_path: Path) -
     assert words[:2] == ["busybot", "collect"] and words.count("--set") == len(sets) + 2, "and the pictures' size"
     again = busybot(*words[1:], "--workers", "1")
     assert again.returncode == 0, again.stderr
+    Dataset.open(Path(out)).episode_path(1).unlink()
+    refused = busybot("collect", out, "--policy", "random", "--steps", "1", *SMALL[:4])
+    hint = refused.stderr.split("hint: ")[1].split("; or collect into another dataset")[0]
+    assert "null" not in hint and "learned." not in hint, "of another policy's settings there are too many"
 
 
 def test_tasks_are_recorded_with_their_goals_by_the_learned_policy(tmp_path: Path) -> None:

@@ -388,6 +388,10 @@ def test_a_dataset_whose_growth_was_killed_is_as_before_and_grows_otherwise(
         grown(dataset, 14)
     found = Dataset.open(dataset.path)
     assert found.info.boards == 4 and found.hashes() == hashes and found.boards() == [make_board(i) for i in range(4)]
+    if more == 14:
+        with found.locked():
+            assert found.remove_leftovers() > 0
+        assert verify(dataset.path).ok and found.hashes() == hashes
     assert Dataset.open(grown(found, more).path).boards() == [make_board(i) for i in range(more)]
     assert verify(dataset.path).ok, "nothing is left of the boards that were not told of"
 

@@ -222,8 +222,9 @@ def _lines(command: str | list[str]) -> list[str]:
 def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_changed(tmp_path: Path) -> None:
     out, asked = tmp_path / "data" / "train", [["--version"]]
     first = begin([out], "a", asked)
-    out.mkdir(parents=True)
     assert run([["no-such-command"], *asked], first, note_of(out)) == 2
+    assert begin([out], "a", asked).seconds > 0, "also where the output is only there at the end"
+    out.mkdir(parents=True)
     second = begin([out], "a", asked)
     assert second.seconds > 0 and not second.done and out.exists()
     assert run(asked, second, note_of(out)) == 0

@@ -97,7 +97,7 @@ def summarise_causes(
         images: how many were observed; parents are those claimed then.
         pred_a: of the same boards.
     """
-    boards, causes = [board for board, _ in judged], _outspoken([one for _, one in judged])
+    boards, causes = [board for board, _ in judged], outspoken([one for _, one in judged])
     steps = images - 1
     followed = [one for one in causes if one.bound is not None]
     mechanisms = [one for each in causes for one in each.mechanisms if one.driven]
@@ -152,7 +152,7 @@ def summarise_causes(
     }
 
 
-def _outspoken(causes: Sequence[JudgedCauses]) -> list[JudgedCauses]:
+def outspoken(causes: Sequence[JudgedCauses]) -> list[JudgedCauses]:
     """Who tells of links, kinds, lags or changes on one board is judged by them on all, else a model chose on which: of
     a board on which it is silent it knows nothing."""
     everyone = [each for one in causes for each in one.mechanisms]
@@ -218,7 +218,7 @@ def _link_counts(one: JudgedCauses, steps: int) -> m.Counts | None:
 
 
 def _by_board(causes: Sequence[JudgedCauses], steps: int) -> dict[str, dict[str, list[int]]]:
-    """As `statistics.compare_boards` takes them; a board whose links are not told has none."""
+    """As `statistics.compare_boards` takes them."""
     part, whole = PARENTS["f1"]
     told = {"parent_f1": [_counts(one, steps) for one in causes]} if causes else {}
     if any(one.links is not None for one in causes):

@@ -94,9 +94,7 @@ class GivenGraphs:
         index = episode.board.index
         if index not in self.graphs:
             raise BusybotError(f"{self.path}: it has no graph of board {index}", "give each graph its board's number")
-        edges = [edge for graph in self.graphs.values() for edge in graph.edges]
-        named, timed = any(edge.mechanism for edge in edges), any(edge.lag is not None for edge in edges)
-        return _Reading(self.path, episode, self.graphs[index]).graph(named, timed)
+        return _Reading(self.path, episode, self.graphs[index]).graph()
 
 
 class _Reading:
@@ -110,13 +108,7 @@ class _Reading:
             self.objects = {node.id: _object(node, episode) for node in told.nodes}
             self._only_once("nodes", [node.id for node in told.nodes])
 
-    def graph(self, named: bool, timed: bool) -> InferredGraph:
-        """The graph.
-
-        Args:
-            named, timed: whether kinds, and lags, are told on any board; then they are on all, else a model chose on
-                which boards it is judged.
-        """
+    def graph(self) -> InferredGraph:
         told = self.told
         clusters = self._clusters()
         links = {link.id: (number, link.of) for number, link in enumerate(told.links or ())}
@@ -139,8 +131,8 @@ class _Reading:
             probabilities,
             told.threshold,
             links=None if told.links is None else InferredLinks(clusters, single),
-            kinds=tuple(kinds) if named else None,
-            lags=lags if timed else None,
+            kinds=tuple(kinds) if any(kinds) else None,
+            lags=lags if (lags >= 0).any() else None,
         )
 
     def _only_once(self, what: str, ids: list[int | str]) -> None:

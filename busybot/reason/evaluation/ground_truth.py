@@ -33,6 +33,7 @@ class GraphTruth:
     """The relations of a board between trigger and responder objects, links collapsed. N objects.
 
     Attributes:
+        board: whose they are, with those that come later.
         candidates: bool (N, N), a trigger in the row and a responder in the column; none where relations are unknown.
         shown: int (N, N), number of steps after which the effect of an edge that holds at first had been visible once,
             0 for never; None where the recording does not know states. An effect is visible when an action on the

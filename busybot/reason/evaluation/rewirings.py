@@ -156,8 +156,8 @@ KEYS: dict[str, str] = {
     "rewirings": f"mechanisms that changed, so that the old one would have shown another state, at least {WITHIN} "
     "actions before the end. The following are of these",
     "rewired_found, rewired_found_bound": f"share of them that the model, and the exact observer, believes in (p > .5) "
-    f"{WITHIN} actions after they first showed, as it tells at the end. Null for models that do not tell "
-    "(`InferredGraph.changed`)",
+    f"{WITHIN} actions after they first showed, as it tells at the end. Null for models that tell of "
+    "changes (`InferredGraph.changed`) on no board; of a board on which it is silent a model says that nothing changed",
     "rewired_placed, rewired_placed_bound": "share of them that are found, and said to have happened at most "
     f"{BESIDE} actions before they did or after they first showed",
     "rewired_off, rewired_off_bound": "of those found, how many actions before or after that time they are said to "

@@ -158,9 +158,17 @@ class JudgedGraph:
     proposals: JudgedProposals | None = None
     spurious: np.ndarray | None = None
 
+    def true(self, steps: int) -> np.ndarray:
+        """The true edges after so many steps, or after all that were observed."""
+        return self.truth.edges(min(steps, self.steps))
+
+    def kinds(self, steps: int) -> dict[tuple[int, int], tuple[str, ...]]:
+        """Of their relations."""
+        return self.truth.kinds(min(steps, self.steps))
+
     def counts(self, steps: int) -> m.Counts:
         """Edges claimed after so many steps against the truth; those of objects that are not there are wrong."""
-        counted = m.count_edges(self.graph.claimed(steps), self.truth.edges(steps), self.truth.candidates)
+        counted = m.count_edges(self.graph.claimed(steps), self.true(steps), self.truth.candidates)
         if self.spurious is None:
             return counted
         return {**counted, "claimed": counted["claimed"] + int(self.spurious[min(steps, len(self.spurious) - 1)])}
@@ -215,7 +223,7 @@ def object_intervals(judged: Sequence[JudgedGraph], steps: int, seed: int) -> di
     records: dict[str, list[_Record]] = {name: [] for name in (*m.EDGES, "pred_a")}
     for number, one in enumerate(judged):
         names, nothing = [placed.key for placed in one.board.objects], ""
-        claimed, true, candidates = one.graph.claimed(steps), one.truth.edges(steps), one.truth.candidates
+        claimed, true, candidates = one.graph.claimed(steps), one.true(steps), one.truth.candidates
         for trigger in np.flatnonzero(candidates.any(axis=1)):
             own = np.zeros_like(candidates)
             own[trigger] = candidates[trigger]
@@ -243,7 +251,7 @@ def _over_objects(records: Sequence[_Record], rng: np.random.Generator) -> Inter
 
 def _calibration(judged: Sequence[JudgedGraph], probabilities: Sequence[np.ndarray], steps: int) -> Scores:
     said = [p[one.truth.candidates] for one, p in zip(judged, probabilities, strict=True)]
-    true = [one.truth.edges(steps)[one.truth.candidates] for one in judged]
+    true = [one.true(steps)[one.truth.candidates] for one in judged]
     return m.calibration(np.concatenate([np.zeros(0), *said]), np.concatenate([np.zeros(0), *true]))
 
 
@@ -255,14 +263,14 @@ def _bound(judged: Sequence[JudgedGraph], steps: int) -> float | None:
 
 def _summary_by_kind(judged: Sequence[JudgedGraph], steps: int) -> dict[str, dict[str, Any]]:
     """Scores by kind of relation. A wrong edge has no kind: it counts for every kind that its trigger really has."""
-    kinds = sorted({kind for one in judged for names in one.truth.kinds(steps).values() for kind in names})
+    kinds = sorted({kind for one in judged for names in one.kinds(steps).values() for kind in names})
     result = {}
     for kind in kinds:
         counts = []
         for one in judged:
-            edges, true = one.graph.claimed(steps), one.truth.edges(steps)
+            edges, true = one.graph.claimed(steps), one.true(steps)
             of_kind = np.zeros_like(true)
-            for pair, names in one.truth.kinds(steps).items():
+            for pair, names in one.kinds(steps).items():
                 of_kind[pair] = kind in names
             of_trigger = np.asarray(of_kind.any(axis=1))[:, None]
             wrong = edges & one.truth.candidates & ~true & of_trigger
@@ -302,7 +310,7 @@ def _baselines(judged: Sequence[JudgedGraph], steps: int, seed: int) -> dict[str
     for name in TRIVIAL_GRAPHS:
         claimed = [graph[name] for graph in graphs]
         pairs = zip(judged, claimed, strict=True)
-        counts = [m.count_edges(edges > 0, one.truth.edges(steps), one.truth.candidates) for one, edges in pairs]
+        counts = [m.count_edges(edges > 0, one.true(steps), one.truth.candidates) for one, edges in pairs]
         calibrated = _calibration(judged, claimed, steps)
         rows[name] = {**m.micro(counts, EDGES), "ece": calibrated["ece"], "brier": calibrated["brier"]}
     return rows

@@ -106,6 +106,9 @@ def test_edges_are_those_that_hold_after_what_was_observed() -> None:
         assert told["edge_p"] == told["edge_r"] == told["by_kind"]["one-to-one"]["edge_r"] == share
         assert told["brier"] == pytest.approx((1 - share) * 4 / 6)
         assert told["by_images"][9 - 1]["edge_r"] == (1.0 if one is late else 0.5)
+    short = make_episode(0, steps=5)
+    short.board = episode.board
+    assert summarise([judged(short, (0, 1), (3, 2))], 23, 0)["edge_r"] == 1.0, "it ended before the rewiring"
 
 
 def test_kinds_are_those_of_edges_that_are_judged() -> None:

@@ -121,20 +121,6 @@ def test_single_links_of_a_strangers_graphs_are_judged(dataset: Dataset, tmp_pat
         read_graphs(tmp_path / "some")
 
 
-def test_kinds_and_lags_are_told_on_all_boards_or_on_none(tmp_path: Path) -> None:
-    boards = [make_episode(0), make_episode(1)]
-    edge: dict[str, object] = {"from": 0, "to": 1}
-    (tmp_path / "both.json").write_text(
-        json.dumps([{"board": 0, "edges": [edge | {"mechanism": "gate", "lag": 2}]}, {"board": 1, "edges": [edge]}])
-    )
-    first, second = (read_graphs(tmp_path / "both.json").of(one) for one in boards)
-    assert first.kinds == ("", "gate", "", "", "") and second.kinds == ("",) * 5
-    assert first.lags is not None and second.lags is not None and (first.lags[1], second.lags.max()) == (2, -1)
-    (tmp_path / "none.json").write_text(json.dumps({"board": 0, "edges": [edge]}))
-    silent = read_graphs(tmp_path / "none.json").of(boards[0])
-    assert silent.kinds is None and silent.lags is None
-
-
 def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: Path) -> None:
     episode = make_episode(0)
     boxes = episode.image(0).boxes.tolist()

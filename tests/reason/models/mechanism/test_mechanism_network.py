@@ -11,6 +11,8 @@ import pytest
 import torch
 
 from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
+from busybot.boards.config import BoardConfig
+from busybot.boards.generate import generate_boards
 from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
@@ -463,6 +465,13 @@ def test_what_is_kept_on_the_shelf_is_what_was_given(monkeypatch: pytest.MonkeyP
     shelf, given = Shelf(), [torch.randn(*shape) for shape in ((2, 3), (4,), (0, 5), (7, 3), (1, 1))]
     kept = [shelf.kept(values) for values in given]
     assert all(torch.equal(one, values.half()) for one, values in zip(kept, given, strict=True))
+
+
+def test_drawn_boards_are_none_that_anybody_generates_with_the_same_seed() -> None:
+    library = find("procedural")
+    drawn = {board.digest() for board, _ in draw_boards("gates", 8, 3, library, 1)}
+    generated = generate_boards(BoardConfig(world="gates", boards=8, seed=3, group_size=1), library)
+    assert len(drawn) == 8 and drawn.isdisjoint(board.digest() for board in generated)
 
 
 def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], tmp_path: Path) -> None:

@@ -284,14 +284,12 @@ def import_(
     A camera's folder has pictures or a video, and actions.csv (docs/guides/own-recordings.md). What it does not hold is
     missing in the dataset, too: states, often relations and depth.
     """
-    from busybot.cli.dataset.import_options import refuse_idle
     from busybot.datasets.importing.camera_folder import ImportOptions
     from busybot.datasets.importing.sources import import_source
 
     if out is None and not dry_run:
         raise UsageError("where is the dataset to be?", "give --out DATASET, or --dry-run")
     options = ImportOptions(fps, shift, width, camera, tables, boxes == "proposed")
-    refuse_idle(source, options)
     with episode_progress("importing") as progress:
         done = import_source(source, None if dry_run else out, options, progress)
     facts = {"dataset": done.dataset and done.dataset.path, "kind": done.kind, "episodes": len(done.recordings)}

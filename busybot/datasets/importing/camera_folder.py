@@ -34,6 +34,7 @@ from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.datasets.importing.camera_pictures import (
     FRAMES_FILE,
+    VIDEOS,
     Shot,
     decode_picture,
     each_colours,
@@ -128,6 +129,27 @@ def camera_folders(source: Path) -> list[Path]:
     if lexists(source / ACTIONS_FILE):
         return [source]
     return folders_with(source, ACTIONS_FILE)
+
+
+def refuse_idle(source: Path, folders: Sequence[Path], options: ImportOptions) -> None:
+    """Refuse a rate where none of these folders has a video that it is for, and a shift where none tells times.
+
+    Raises:
+        UsageError: an option would change nothing.
+    """
+    if options.fps is not None and not any(map(_has_bare_video, folders)):
+        raise UsageError(f"{source}: no video without frames.csv lies there", "--fps is for one: leave it out")
+    if options.shift and not any(map(_tells_times, folders)):
+        what = f"{source}: no actions.csv there tells times"
+        raise UsageError(what, "--shift is for a column time: leave it out, or add the column")
+
+
+def _has_bare_video(folder: Path) -> bool:
+    return not lexists(folder / FRAMES_FILE) and any(file.suffix.lower() in VIDEOS for file in folder.iterdir())
+
+
+def _tells_times(folder: Path) -> bool:
+    return any(row.time is not None for row in read_table(inside(folder, ACTIONS_FILE), _Action, HINT))
 
 
 def read_camera_folder(

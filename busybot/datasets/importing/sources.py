@@ -8,7 +8,7 @@ from pathlib import Path
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.importing.camera_folder import ImportOptions, camera_folders, read_camera_folder
+from busybot.datasets.importing.camera_folder import ImportOptions, camera_folders, read_camera_folder, refuse_idle
 from busybot.datasets.importing.exported import RecordingFolder, exported_recordings
 from busybot.datasets.importing.images import check_export, describe_export, import_export
 from busybot.datasets.importing.lerobot import INFO_FILE, read_lerobot
@@ -67,7 +67,9 @@ def import_source(
 
 def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording]]:
     if lexists(source / INFO_FILE):
-        return LEROBOT, _proposed(read_lerobot(source, options), options)
+        recordings = read_lerobot(source, options)
+        refuse_idle(source, [] if options.tables is None else camera_folders(options.tables), options)
+        return LEROBOT, _proposed(recordings, options)
     if events := event_folders(source):
         return THOR, [read_events(folder, options) for folder in events]
     folders = camera_folders(source)
@@ -77,6 +79,7 @@ def _read(source: Path, options: ImportOptions) -> tuple[str, Sequence[Recording
         raise BusybotError(what, f"{hint}with episodes/000000, or to parquet with data/frames")
     if options.tables is not None:
         raise UsageError(f"{source}: a camera's folder has its tables in it", "--tables is for LeRobot's datasets")
+    refuse_idle(source, folders, options)
     return CAMERA, _proposed([read_camera_folder(folder, options) for folder in folders], options)
 
 

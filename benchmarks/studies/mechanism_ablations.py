@@ -48,7 +48,8 @@ NOW = [number for number, name in enumerate(MEMORIES) if name in ("none", "own",
 
 def _no_past(graph: HeteroData) -> None:
     node = graph["explanation"]
-    node.possible = node.possible & torch.isin(node.kind % len(MEMORIES), torch.tensor(NOW))  # boards share it
+    now = torch.isin(node.kind % len(MEMORIES), torch.tensor(NOW))
+    node.possible = node.possible & now[:, None]
 
 
 def _no_witnesses(graph: HeteroData) -> None:

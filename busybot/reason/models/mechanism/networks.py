@@ -76,7 +76,7 @@ def explanation_graph(
     | `explanation` | `evidence` | float32 (R * H, K, 17) | `Evidence.explanations`, `Changes.since` / `SCALE`, and \
 `alike_of` |
     | | `kind` | int64 (R * H,) | memory and number of inputs, see `KINDS` |
-    | | `possible` | bool (R * H,) | False where it reads its own responder |
+    | | `possible` | bool (R * H, K) | False where it reads its own responder |
     | | `right` | bool (R * H, K) | reads the true parents; with `parents` only |
     | `candidate` | `input` | int64 (R * I,) | number of the input, in all boards of a batch |
     | `responder` | `odds` | float32 (R, K, 3) | what speaks for a change of its mechanism, of `Changes` |
@@ -108,6 +108,7 @@ def explanation_graph(
         torch.cat([evidence.explanations, since, alike_of(trace, found, after)[..., None]], -1).flatten(0, 1),
         evidence.inputs.flatten(0, 1),
     )
+    node.possible = node.possible[:, None].expand(-1, len(after))
     graph["responder"].odds = torch.from_numpy(changes.odds.transpose(1, 0, 2).copy())
     if parents is not None:
         right = (found.inputs[None, :, :, None] == parents[:, None]).all(2)  # (K, H, R)
@@ -121,8 +122,10 @@ COUNTED: tuple[tuple[Any, str], ...] = (
     (("explanation", "reads", "candidate"), "witnesses"),
 )
 _OF_MOMENTS = (
-    *COUNTED, ("explanation", "right"), ("explanation", "later"), ("responder", "odds"), ("responder", "changed"),
-)  # fmt: skip
+    *COUNTED,
+    *(("explanation", name) for name in ("possible", "right", "later")),
+    *(("responder", name) for name in ("odds", "changed")),
+)
 
 
 def moments_of(graph: HeteroData, moments: Tensor) -> HeteroData:
@@ -384,7 +387,7 @@ class MechanismNet(nn.Module):
 
     def _shares(self, logits: Tensor, node: HeteroData, owner: Tensor) -> Tensor:
         """Log softmax over the explanations of each responder."""
-        logits = logits.masked_fill(~node.possible[:, None], IMPOSSIBLE)
+        logits = logits.masked_fill(~node.possible, IMPOSSIBLE)
         top = scatter(logits, owner, reduce="max").detach()[owner]
         total = scatter((logits - top).exp(), owner, reduce="sum")[owner]
         return logits - top - total.log()

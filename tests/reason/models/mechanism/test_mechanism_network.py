@@ -256,7 +256,7 @@ def test_probabilities_are_those_of_one_explanation_each_and_of_no_responder_by_
     gates: list[LabelledTrace],
 ) -> None:
     net = MechanismNet(MechanismNetConfig())
-    graph = Batch.from_data_list([board.graph([3, 20]) for board in gates[:2]])
+    graph = Batch.from_data_list([explanation_graph(board.trace, [3, 20]) for board in gates[:2]])
     final, first, _ = net(graph)
     owner = graph["explanation", "explains", "responder"].edge_index[1]
     for shares in (final, first):
@@ -437,7 +437,7 @@ def test_masked_links_explain_nothing(gates: list[LabelledTrace]) -> None:
     mask_links(graph, 0.0, np.random.default_rng(0))
     assert torch.equal(node.possible, possible)
     mask_links(graph, 0.5, np.random.default_rng(0))
-    kept = torch.unique(read[node.possible[source]])  # the inputs that anything still reads
+    kept = torch.unique(read[node.possible[source].any(1)])  # the inputs that anything still reads
     hidden = links.index_fill(0, kept, False)
     assert 0 < int(hidden.sum()) < int(links.sum()) and (~hidden | links).all()
     reads_hidden = torch.zeros_like(possible).index_fill(0, source[hidden[read]], True)
@@ -492,3 +492,39 @@ def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], 
     rows = compare(whole.network.eval(), judged, 0)
     assert set(rows) == {str(after) for after in JUDGED_AFTER}
     assert rows["30"]["bound"]["share"] > 0.8 and rows["30"]["network"]["share"] > rows["4"]["network"]["share"]
+
+
+def test_early_moments_are_learned_from_as_if_recordings_ended_there(gates: list[LabelledTrace]) -> None:
+    """Links that move later only explain nothing yet, and are none of the parents; one that ended is alike."""
+    board = gates[0]
+    assert board.parents is not None and board.changed is not None
+    after, links = (0, 2, 30), board.trace.links
+    graph = board.graph(after)
+    node = graph["explanation"]
+    source, target = graph["explanation", "reads", "candidate"].edge_index
+    read = graph["candidate", "is", "input"].edge_index[1][target]
+    for moment, actions in enumerate(after):
+        moved = (links[: actions + 1] != links[0]).any(0)
+        unknown = torch.from_numpy(~np.pad(moved, (0, board.trace.responders.shape[1]), constant_values=True))
+        assert not node.possible[source[unknown[read]], moment].any()
+        told = torch.zeros(graph["responder"].num_nodes, dtype=torch.bool)
+        told[graph["explanation", "explains", "responder"].edge_index[1][node.right[:, moment]]] = True
+        assert told.all(), "something is right of each responder"
+        assert not (node.right[:, moment] & ~node.possible[:, moment]).any()
+    first = links.shape[1] - int((links[:3] != links[0]).any(0).sum())
+    assert first > 0 and node.possible[:, 2].sum() > node.possible[:, 1].sum() > node.possible[:, 0].sum()
+    seen = links[:3] != links[0]
+    known = replace(
+        board,
+        trace=replace(
+            board.trace.first(2),
+            links=board.trace.links[:3, seen.any(0)],
+            sizes=tuple(np.array(board.trace.sizes)[seen.any(0)].tolist()),
+        ),
+        parents=board.parents[:2, np.pad(seen.any(0), (0, board.trace.responders.shape[1]), constant_values=True)],
+        changed=board.changed[:2],
+    )
+    net = MechanismNet(MechanismNetConfig())
+    ended, early = Batch.from_data_list([known.graph([2])]), Batch.from_data_list([board.graph([2])])
+    loss = [float(learner.loss_of(net, each, 0.3, 1.0).detach()) for each in (ended, early)]
+    assert loss[0] == pytest.approx(loss[1], rel=1e-3), "the links of which nobody knows are as good as not there"

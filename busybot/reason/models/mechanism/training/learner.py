@@ -85,7 +85,7 @@ def mask_links(graph: HeteroData, share: float, rng: np.random.Generator) -> Non
     read = graph["candidate", "is", "input"].edge_index[1][target]
     masked = torch.zeros(graph["explanation"].num_nodes, dtype=torch.bool)
     masked[source[hidden[read]]] = True
-    graph["explanation"].possible = graph["explanation"].possible & ~masked
+    graph["explanation"].possible = graph["explanation"].possible & ~masked[:, None]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 New ones must: a result names the commit of the program that wrote it, without changes that nobody else has, and its
 machine; all its rows are of one commit, and if they were trained by another one, on another machine, all by the same;
 and it, or each of its rows, has hashes of the models, boards or recordings that it is about, unless its kind is about
-none. `KNOWN` lists the others; it may only become shorter, unless more is asked.
+none. `KNOWN` lists the others; it may only become shorter, unless more is asked. Results about weights that a later
+training replaced are told, too: nobody can judge those again without training them.
 """
 
 import json
@@ -15,9 +16,12 @@ from typing import Any
 from benchmarks.runner import within
 from busybot.common.errors import BusybotError
 from busybot.evaluation.results import git
+from busybot.training.model_cards import file_hashes
 from tools import tables
 
 HERE = Path(__file__).parent
+MODELS = "busybot/pretrained/interact", "busybot/pretrained/reason", "benchmarks/models"
+WEIGHTS = ".safetensors"
 NO_COMMIT, CHANGED, SOME_ROWS = "names no commit", "changes were not committed", "some rows name no commit"
 SEVERAL, NO_HASHES = "rows of several commits", "has no hashes of what it is about"
 ABSENT = "its commit is not in this history"
@@ -74,7 +78,40 @@ def part() -> str:
     for why, words in EXPLAINED.items():
         names = [f"`{name}`" for name, one in sorted(found.items()) if one == why]
         lines += [f"- {words} ({len(names)}): {', '.join(names)}"] if names else []
+    for name, of in _of_earlier_weights():
+        lines.append(f"- about weights of `{name}` before those that are here ({len(of)}): {', '.join(of)}")
     return "\n".join(lines)
+
+
+def _of_earlier_weights() -> Iterator[tuple[str, list[str]]]:
+    """Models of the repository, and the results that are about other weights by their name."""
+    folders = {path.name: path for place in MODELS for path in sorted((HERE.parent / place).iterdir()) if path.is_dir()}
+    kept = {name: _weights(file_hashes(folder)) for name, folder in folders.items()}
+    found: dict[str, list[str]] = {}
+    for file in sorted(tables.RESULTS.rglob("*.json")):
+        told = dict.fromkeys(
+            name for name, of in _named(json.loads(file.read_text(encoding="utf-8"))) if of != kept.get(name, of)
+        )
+        for name in told:
+            found.setdefault(name, []).append(f"`{file.relative_to(tables.RESULTS).with_suffix('').as_posix()}`")
+    yield from sorted(found.items())
+
+
+def _weights(files: dict[str, str]) -> dict[str, str]:
+    """What decides what a model says: a page beside it does not."""
+    return {name: digest for name, digest in files.items() if name.endswith(WEIGHTS)}
+
+
+def _named(value: Any) -> Iterator[tuple[str, dict[str, str]]]:
+    """Names in a JSON value under which hashes of weights stand."""
+    if isinstance(value, dict):
+        for name, one in value.items():
+            if isinstance(one, dict) and (weights := _weights(one)):
+                yield name, weights
+            yield from _named(one)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _named(one)
 
 
 def faults() -> dict[str, str]:

@@ -12,6 +12,7 @@ import pytest
 from benchmarks.studies import splits as split_study
 from benchmarks.tables.table2 import SCORES
 from busybot.common.errors import BusybotError
+from busybot.training.model_cards import file_hashes
 from tests.view.report.test_report import reasoned, table2
 from tools import docs, gate_tables, prose, provenance, speed_tables, tables, world_tables
 
@@ -375,6 +376,18 @@ def test_a_commit_that_is_gone_is_told_also_where_nobody_can_tell(
     put(results, "there", "s3", commit="a1", machine={"cores": 2})
     told = provenance.part()
     assert "history as it is today (1): `gone`" in told and "there" not in told
+
+
+def test_results_about_weights_that_were_replaced_are_told(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(provenance, "KNOWN", {})
+    monkeypatch.setattr(provenance, "_history", lambda: {"a1"})
+    kept = file_hashes(ROOT / "busybot" / "pretrained" / "reason" / "mechanism")
+    other = dict.fromkeys(kept, "ab" * 32)
+    page = {**kept, "README.md": "cd" * 32}
+    for name, model, of in (("now", "mechanism", page), ("before", "mechanism", other), ("own", "tried", other)):
+        put(results, name, "curiosity", commit="a1", machine={"cores": 2}, rows=[{"models": {model: of}}])
+    [line] = [line for line in provenance.part().splitlines() if "weights" in line]
+    assert "`mechanism`" in line and line.endswith("(1): `before`")
 
 
 def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,8 +83,8 @@ class Features(Mapping[int, np.ndarray]):
         return len(self._files)
 
     def sequence(self, episode: int) -> BoardSequence:
-        """What models of relations see of the board; no picture is decoded."""
-        return sequence_of(observe_episode(self.episode(episode)), self[episode])
+        """What models of relations see of the board; pictures are decoded when asked for, and kept as long as it is."""
+        return sequence_of(observe_episode(self.episode(episode), again=True), self[episode])
 
     def episode(self, episode: int) -> Episode:
         """The recording, whose pictures are decoded when asked for."""

@@ -144,6 +144,11 @@ def bring_back(arguments: argparse.Namespace, seconds: float) -> RunInfo:
     )
 
 
+def _latest(work: Path) -> int:
+    """When a file of a training was written last, ns; 0 if there is none."""
+    return max((one.stat().st_mtime_ns for one in work.rglob("*") if one.is_file()), default=0)
+
+
 def spent(work: Path, more: float) -> float:
     """Seconds that the training in this folder has had through all of its interruptions, with so many more."""
     note = work.with_name(f"{work.name}.seconds.json")
@@ -176,10 +181,12 @@ def main(words: list[str]) -> None:
     more = ("--config", str(config), *runner.option("--workers", arguments.workers))
     if not arguments.work.exists():  # what another training there had is not this one's
         arguments.work.with_name(f"{arguments.work.name}.seconds.json").unlink(missing_ok=True)
-    began = time.monotonic()
+    began, before = time.monotonic(), _latest(arguments.work)
     code = train(
         ("train", "interact", "--out", str(arguments.work), *TRAINED[arguments.row], *given, *more), arguments.minutes
     )
+    if code and _latest(arguments.work) == before:  # what is there may be another training's
+        raise BusybotError(f"busybot train interact ended with code {code}, and learned nothing: it told why")
     seconds = spent(arguments.work, time.monotonic() - began)
     told = bring_back(arguments, seconds)
     print(f"{told.iterations} of {told.schedule} epochs in {told.seconds} s: {told.machine}")

@@ -52,6 +52,8 @@ def train(arguments: argparse.Namespace) -> RunInfo:
     budget = learner.budget = Budget(arguments.minutes, arguments.this_call)
     # no board is held out, so that judgements are checkpoints and nothing else
     figures = fit(learner, arguments.work, config.loop.model_copy(update={"judge": arguments.checkpoint}))
+    if not figures["iterations"]:
+        raise BusybotError(f"{arguments.work}: nothing was learned in these minutes", "give it more --minutes")
     return write_run(
         arguments.out,
         learner.network.state_dict(),

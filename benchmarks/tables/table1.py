@@ -12,18 +12,21 @@ otherwise, or with `free-0`, board by board, if that was judged before (`compare
 
 import argparse
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from benchmarks import runner
-from busybot.common.errors import BusybotError
+from busybot.common.config import build
+from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import machine
 from busybot.common.rng import generator
 from busybot.evaluation.folder import RESULT
-from busybot.evaluation.results import commit
+from busybot.evaluation.results import commit, read_result
 from busybot.evaluation.statistics import compare_boards
 from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
+from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.sim.scene.real_camera import REAL
 from busybot.training.model_cards import INFO_FILE, read_info
 
@@ -135,13 +138,24 @@ def _card_of(row: Table1Row, model: Path) -> dict[str, Any]:
         BusybotError: it is no training of this row.
     """
     info = read_info(model, AffordanceInfo)
-    options = row.train or ()
-    rgb, joints = "inputs=rgb" in options, "interaction.reward=joints" in options
-    rewards = info.training.get("config", {}).get("interaction", {}).get("reward")
-    asked = ("paper" if options[:2] == PAPER else "fast", "rgb" if rgb else "depth", row.seed, joints)
-    if (info.variant, info.inputs, info.training.get("seed"), rewards == "joints") != asked:
-        raise BusybotError(f"{model}: it was trained otherwise than this row is", "name another --work")
+    words = row.train or ()
+    kind: type[PaperConfig] | type[TrainConfig] = PaperConfig if words[:2] == PAPER else TrainConfig
+    settings = [value for option, value in pairwise(words) if option == "--set"]
+    asked = build(kind, None, settings, {"interaction.strict": True if STRICT[0] in words else None})
+    told = asked.model_dump(mode="json", include={"inputs", "responders", "interaction", "render"})
+    known = info.training.get("config", {})
+    differing = [name for name, value in told.items() if not _alike(known.get(name), value)]
+    if (info.variant, info.training.get("seed")) != (asked.variant, row.seed) or differing:
+        what = f"it was trained otherwise than this row is ({', '.join(differing) or 'variant or seed'})"
+        raise BusybotError(f"{model}: {what}", "name another --work")
     return info.training
+
+
+def _alike(known: Any, asked: Any) -> bool:
+    """Whether a card says the same, as far as it says anything: some are older than a parameter."""
+    if isinstance(known, dict) and isinstance(asked, dict):
+        return all(_alike(known[name], value) for name, value in asked.items() if name in known)
+    return bool(known == asked)
 
 
 def _judged(arguments: argparse.Namespace, name: str, split: str) -> Path:
@@ -175,11 +189,13 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--judge-seed", type=int, default=JUDGE_SEED, help="of the boards that rows are judged on")
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = options.parse_args(words)
-    result: dict[str, Any] = {
-        "assets": runner.assets_name(arguments.assets),
-        "judge_seed": arguments.judge_seed,
-        "rows": runner.told_rows(arguments.out, "table1"),
-    }
+    about = {"assets": runner.assets_name(arguments.assets), "judge_seed": arguments.judge_seed}
+    rows = runner.told_rows(arguments.out, "table1")
+    if rows and any(read_result(arguments.out, "table1").get(name) != value for name, value in about.items()):
+        raise UsageError(
+            f"{arguments.out}: its rows are of other objects, or judged on other boards", "name another file"
+        )
+    result: dict[str, Any] = {**about, "rows": rows}
     names = runner.chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)

@@ -35,6 +35,7 @@ from benchmarks import runner
 from busybot.common.atomic_io import write_json
 from busybot.common.process_pool import machine
 from busybot.common.rng import generator
+from busybot.datasets.dataset import Dataset
 from busybot.evaluation.reference_tables import NOVEL
 from busybot.evaluation.statistics import compare_boards
 from busybot.reason.models.registry import DEFAULT_REASONER
@@ -170,7 +171,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
         for split in SPLITS:
             if (dataset := arguments.data / row.judged / row.data / split).is_dir():
                 commands.append(("eval", "reason", str(dataset), "--reasoner", model, *judging))
-                answer = answered(commands[-1], _judged(arguments, name, seed, split))
+                answer = answered(commands[-1], _judged(arguments, name, seed, split), dataset)
                 judged.setdefault(split, []).append(answer["result"])
                 compared.setdefault(split, _compared(arguments, name, split, answer))
     return {
@@ -200,14 +201,21 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
     return {"against": against, **compare_boards(told, answer["by_board"], rng)}
 
 
-def answered(command: tuple[str, ...], out: Path) -> dict[str, Any]:
-    """A judgement, or the one that an earlier run wrote by the same command: `result`, and its counts `by_board`."""
-    known = runner.earlier(out)
-    if known is not None and known["typed"] == list(command):
+def answered(command: tuple[str, ...], out: Path, dataset: Path) -> dict[str, Any]:
+    """A judgement, or the one that an earlier run wrote by the same command on the same recordings: `result`, and its
+    counts `by_board`."""
+    known, recorded = runner.earlier(out), Dataset.open(dataset).hashes().content
+    if known is not None and (known["typed"], known.get("content_hash")) == (list(command), recorded):
         return known
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
-    answer = {"typed": command, "versions": told["versions"], "result": result, "by_board": told["by_board"]}
+    answer = {
+        "typed": command,
+        "content_hash": recorded,
+        "versions": told["versions"],
+        "result": result,
+        "by_board": told["by_board"],
+    }
     write_json(out, answer)
     return answer
 

@@ -51,7 +51,7 @@ def run(seed: int, policy: str, arguments: argparse.Namespace) -> dict[str, Any]
         commands.append(
             ("eval", "reason", str(folder), "--reasoner", str(model), "--decoders", str(train), "--assets", assets)
         )
-        relations[split] = answered(commands[-1], work / f"{split}.json")["result"]
+        relations[split] = answered(commands[-1], work / f"{split}.json", folder)["result"]
     typed = [runner.as_typed(command, places) for command in commands]
     plans = _planned(policy, model, work / "plans", arguments, typed)
     return {

@@ -141,8 +141,11 @@ class BoardConfig(FrozenModel):
     @property
     def least_links(self) -> int:
         """Number of trigger links that a board has at the least: each lock holds one, another one opens the first."""
-        locked = self.world != PAPER and world_named(self.world, self.split == NOVEL).locked == 1
-        return max(self.links[0] if self.links else 0, self.depth[0] + 1 if locked else 0)
+        return max(self.links[0] if self.links else 0, self.depth[0] + 1 if self._always_locked else 0)
+
+    @property
+    def _always_locked(self) -> bool:
+        return self.world != PAPER and world_named(self.world, self.split == NOVEL).locked == 1
 
     def _world_fits(self) -> None:
         try:
@@ -152,6 +155,8 @@ class BoardConfig(FrozenModel):
         if not paper and self.tasks not in (None, "reach"):
             hint = "leave tasks out" if self.world == REAL_BOARD else "it has --tasks reach"
             raise ValueError(f"the world {self.world!r} has no tasks {self.tasks!r}; {hint}")
+        if self.world == REAL_BOARD and self.split == "novel-object":
+            raise ValueError(f"the world {self.world!r} has objects of its own; take --split train or novel-config")
         if self.world in BUILT:
             fields = type(self).model_fields
             free = {"split", "world", "boards", "seed", "group_size"}
@@ -162,6 +167,10 @@ class BoardConfig(FrozenModel):
         if paper and (self.split == NOVEL or self.tasks == "reach"):
             given = f"split {NOVEL!r}" if self.split == NOVEL else "tasks 'reach'"
             raise ValueError(f"the paper's world has no {given}; name another one: --world gates")
+        if not paper and self._always_locked and self.depth[0] <= self.depth[1] < 1:
+            raise ValueError(
+                f"depth: a board of the world {self.world!r} has at least one lock, {self.depth[1]} allowed"
+            )
         if self.links and not paper and self.links[0] <= self.links[1] < self.least_links:
             what = f"{self.depth[0]} locks behind each other need {self.least_links} links"
             raise ValueError(f"{what}, at most {self.links[1]} allowed: give --links {self.least_links}-12")

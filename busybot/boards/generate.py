@@ -26,6 +26,9 @@ from busybot.objects.model import ObjectModel
 GENERATOR_VERSION = "1.0"
 """Changes when the same configuration gives other boards."""
 APPEARANCE_TRIES = 2_000
+WORLD_TRIES = 100
+"""So many draws of objects in vain for a world beyond the paper's: each takes seconds, and such a configuration has few
+boards, or none."""
 RELATION_TRIES = 50
 
 
@@ -132,17 +135,21 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
             boards.append(made)
         if len(boards) < config.group_size:
             counted["relations"] += 1
+            if config.world != PAPER and counted["relations"] == WORLD_TRIES:
+                break
             continue
         redraws.update(counted)
         yield from boards[: config.boards - first]
         return
+    draws = sum(counted[reason] for reason in REASONS)
     raise BusybotError(
-        f"no board of group {group} fits the configuration after {APPEARANCE_TRIES} draws: "
+        f"no board of group {group} fits the configuration after {draws} draws: "
         f"{counted['too_many']} had more than {config.max_objects} objects, "
         f"{counted['kinds']} lacked the asked kinds or numbers of triggers, {counted['overlap']} found no free place, "
         f"{counted['relations']} had more trigger links than compatible responders "
         f"(or fewer than {config.group_size} different sets of relations)",
-        "ask for fewer objects, more responders, a smaller margin or a smaller group_size",
+        "ask for fewer objects, more responders, a smaller margin or a smaller group_size"
+        + ("" if config.world == PAPER else "; or for other links, or fewer locks (depth)"),
     )
 
 

@@ -177,7 +177,8 @@ class BoardSpec(FrozenModel):
         world: which world its relations are of (`boards.worlds`).
         locks: links that something holds.
         rewirings: relations that change during an episode.
-        idle: trigger links that control nothing on purpose; every other one controls or unlocks something.
+        idle: trigger links that control nothing on purpose; every other one controls or unlocks something, as long as
+            no rewiring takes that away.
         camera: of a scene; None where the recording's configuration alone says it.
         relations_known: whether `relations` are the truth; where nobody knows it, as of real boards, none are judged.
 

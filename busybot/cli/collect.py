@@ -87,6 +87,8 @@ def collect(
     target = Dataset.open(dataset)
     usual = ({"policy": "learned"} if target.info.tasks else {}) | _camera_terms(camera)
     options["render.camera"] = {} if camera == "clean" else None
+    if camera == "clean" and (named := [one for one in set_ or () if one.startswith("render.camera")]):
+        raise UsageError(f"--camera clean: --set {named[0]} is no clean camera", "leave one of the two out")
     parameters = build(CollectConfig, config, set_ or [], options, usual)
     library = library_of(target, assets)
     factory, provenance = _policy_factory(parameters.policy, model, parameters.learned, reasoner, until_known)

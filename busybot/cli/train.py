@@ -71,14 +71,14 @@ def _interaction(
     workers: int,
 ) -> "Training | PaperTraining":
     """The training of the variant that is asked for; without assets nothing is collected."""
-    from busybot.common.config import build
+    from busybot.common.config import asked, build
     from busybot.interact.training.config import STRICT, PaperConfig, RecordConfig, TrainConfig
     from busybot.interact.training.fast import Training
     from busybot.interact.training.paper import PaperTraining
     from busybot.interact.training.round_recorder import Recorder, RoundProgress
     from busybot.objects.resolve import find
 
-    variant = parameters[2]["variant"]
+    variant = asked("variant", *parameters)  # whether the option says so, a setting or the file
     told = RoundProgress(say, episode_progress)
 
     def recorder(config: RecordConfig) -> Recorder:

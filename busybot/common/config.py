@@ -48,16 +48,7 @@ def build(
         UsageError: naming the setting or option, the parameter and what is wrong with it.
         BusybotError: the same of the file.
     """
-    values = parse_yaml(read_text(file, MAX_BYTES, "name a YAML file"), str(file)) if file else {}
-    if not isinstance(values, dict):
-        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
-    for name, value in (usual or {}).items():
-        _assign_default(values, name.split("."), value)
-    for setting in settings:
-        _set(values, setting)
-    for name, value in options.items():
-        if value is not None:
-            _assign(values, name.split("."), value, name)
+    values = _values(file, settings, options, usual or {})
     for name, field in model.model_fields.items():
         if isinstance(given := values.get(name), dict) and isinstance(field.default, BaseModel):
             values[name] = _completed(given, field.default)
@@ -69,6 +60,25 @@ def build(
         if file is None or _typed(first["loc"], settings, options):
             raise UsageError(what, hint) from None
         raise BusybotError(f"{file}: {what}", hint) from None
+
+
+def asked(name: str, file: Path | None, settings: list[str], options: dict[str, Any]) -> Any:
+    """What `build` is asked to take for a parameter, whatever that is; None where nobody says. Errors as there."""
+    return _values(file, settings, options, {}).get(name)
+
+
+def _values(file: Path | None, settings: list[str], options: dict[str, Any], usual: dict[str, Any]) -> dict[str, Any]:
+    values = parse_yaml(read_text(file, MAX_BYTES, "name a YAML file"), str(file)) if file else {}
+    if not isinstance(values, dict):
+        raise BusybotError(f"{file}: not a mapping of parameters", "write lines like `boards: 100`")
+    for name, value in usual.items():
+        _assign_default(values, name.split("."), value)
+    for setting in settings:
+        _set(values, setting)
+    for name, value in options.items():
+        if value is not None:
+            _assign(values, name.split("."), value, name)
+    return values
 
 
 def _completed(given: dict[str, Any], usual: BaseModel) -> dict[str, Any]:

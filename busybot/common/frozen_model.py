@@ -4,9 +4,10 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 
 class FrozenModel(BaseModel):
-    """A pydantic model that cannot be changed once it is made, and refuses unknown keys."""
+    """A pydantic model that cannot be changed once it is made, and refuses unknown keys and what JSON has no number
+    for."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class GivenModel(BaseModel):

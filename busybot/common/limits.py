@@ -29,6 +29,9 @@ MAX_IMAGE_PIXELS = 8_400_000
 """Of one image: 3840 x 2160 is less."""
 MAX_PIXELS = 1_000_000_000
 """Of all images of a recording: 3,255 of 640 x 480, decoded in 13 s of one core."""
+MAX_WATCHED_PIXELS = 64_000_000
+"""Of all triggers' boxes in all frames before a camera that is not still: six of 60 x 60 in 2,900 frames. Each takes up
+to 16 bytes, three times."""
 MAX_VIDEO_FRAMES = 100_000
 """Of a video: 55 minutes at 30 frames per second."""
 MAX_VIDEO_PIXELS = 4_000_000_000

@@ -14,9 +14,9 @@ def plain(text: object) -> str:
 
 
 def unlinked(value: object) -> object:
-    """A value of JSON whose strings are plain and no links of Markdown."""
+    """A value of JSON whose strings are plain, of one line, and no links of Markdown, nor where such links lead."""
     if isinstance(value, str):
-        return plain(value).replace("](", "] (")
+        return re.sub(r"\](?=[(\[:])", "] ", re.sub(r"\s*\n\s*", " ", plain(value)))
     if isinstance(value, list):
         return [unlinked(part) for part in value]
     if isinstance(value, dict):

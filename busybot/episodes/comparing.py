@@ -30,6 +30,15 @@ def changed_squares(before: np.ndarray, after: np.ndarray, tolerance: float = TO
     return differs
 
 
+def in_pixels(squares: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """What is told of squares, of their pixels: (H, W).
+
+    Args:
+        size: H and W.
+    """
+    return squares.repeat(SQUARE, axis=0).repeat(SQUARE, axis=1)[: size[0], : size[1]]
+
+
 def in_squares(rgb: np.ndarray) -> np.ndarray:
     """Means of squares of `SQUARE` pixels, float32 (h, w, 3), of uint8 (H, W, 3)."""
     size = (-(-rgb.shape[1] // SQUARE), -(-rgb.shape[0] // SQUARE))

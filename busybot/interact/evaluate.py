@@ -26,6 +26,7 @@ from busybot.evaluation.results import stamp
 from busybot.evaluation.statistics import LEVEL
 from busybot.interact import metrics as m
 from busybot.objects.library import Library
+from busybot.sim.collect import episode_seconds
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.policy import AnyPolicyFactory
 from busybot.sim.recorder import record_episode
@@ -155,7 +156,8 @@ def evaluate_policy(
     """
     dataset, record, settings = evaluation.dataset, evaluation.record, _settings(evaluation)
     count = min(evaluation.config.boards or dataset.info.boards, dataset.info.boards)
-    work = BoardWork(m.JudgedBoard, make_work, (evaluation,), workers)
+    seconds = episode_seconds(evaluation.config.actions)
+    work = BoardWork(m.JudgedBoard, make_work, (evaluation,), workers, seconds)
     recordings = [EvaluationRecording(record, dataset, _collected(settings))] if record else []
     judged = judge_boards(range(count), work, settings, progress, out, recordings)
     summary = summarise(judged, evaluation.seed, dataset.info.split)

@@ -25,9 +25,10 @@ from busybot.interact.policy.policy_factory import candidates_config, fingerprin
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
 from busybot.plan.agents.registry import TRAINED, kind_of, name_of
-from busybot.plan.rollout import PlanConfig, RolloutRunner, check_pictures
+from busybot.plan.rollout import PlanConfig, RolloutRunner, check_settings
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.registry import config_class, reasoner_of, without_training
+from busybot.sim.collect import episode_seconds
 from busybot.sim.scene.board_scene import Simulator
 from busybot.training.model_cards import file_hashes, find_folder
 
@@ -79,7 +80,8 @@ def evaluate_agents(
     tasks = _tasks(dataset, evaluation.config)
     settings = _settings(evaluation)
     features_of(dataset, reasoner.encoder, episodes=tasks, workers=workers)
-    work = BoardWork(m.JudgedTask, make_work, (evaluation,), workers)
+    seconds = episode_seconds(evaluation.config.steps * len(names))
+    work = BoardWork(m.JudgedTask, make_work, (evaluation,), workers, seconds)
     recordings = [
         EvaluationRecording(record / one, dataset, _collected(settings, one), record) for one in names if record
     ]
@@ -137,7 +139,7 @@ def unmoved_links(history: Episode) -> int:
 
 def _tasks(dataset: Dataset, config: PlanConfig) -> list[int]:
     """Numbers of the boards, all of which must have a task and a history, seen as the rollouts will be."""
-    check_pictures(dataset, config.render)
+    check_settings(dataset, config.render, config.interaction)
     count = min(config.boards or dataset.info.boards, dataset.info.boards)
     boards, recorded = dataset.boards(), dataset.finished()
     for index in range(count):

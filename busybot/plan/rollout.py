@@ -59,21 +59,27 @@ class PlanConfig(FrozenModel):
     render: RenderConfig = RenderConfig()
 
 
-def check_pictures(dataset: Dataset, render: RenderConfig, place: str = "render") -> None:
-    """Compare how the histories were looked at with how their boards will be looked at again.
+def check_settings(dataset: Dataset, render: RenderConfig, interaction: InteractionConfig, place: str = "") -> None:
+    """Compare how the histories were looked at, and how was acted, with how it will be on their boards again.
 
     Args:
-        place: of `render` among the parameters, for the hint.
+        place: of `render` and `interaction` among the parameters, for the hint, with a point behind it.
 
     Raises:
-        BusybotError: they differ. Pixels, looks and goal pictures of the one mean nothing in the other.
+        BusybotError: they differ. Pixels, looks and goal pictures, or rewards, of the one mean nothing in the other.
     """
     collect = dataset.info.collect
-    recorded, asked = collect.look() if collect else {}, with_unsaid(render.model_dump(mode="json"))
-    differing = [name for name in sorted(recorded.keys() & asked.keys()) if recorded[name] != asked[name]]
+    recorded = {"render": collect.look(), "interaction": collect.group("interaction")} if collect else {}
+    asked = {"render": with_unsaid(render.model_dump(mode="json")), "interaction": interaction.model_dump(mode="json")}
+    differing = [
+        (f"{group}.{name}", json.dumps(known[name]), json.dumps(asked[group][name]))
+        for group, known in recorded.items()
+        for name in sorted(known.keys() & asked[group].keys())
+        if known[name] != asked[group][name]
+    ]
     if differing:
-        told = [f"render.{name} {json.dumps(recorded[name])}, not {json.dumps(asked[name])}" for name in differing]
-        again = [f"--set {shlex.quote(f'{place}.{name}={json.dumps(recorded[name])}')}" for name in differing]
+        told = [f"{name} {known}, not {other}" for name, known, other in differing]
+        again = [f"--set {shlex.quote(f'{place}{name}={known}')}" for name, known, _ in differing]
         raise BusybotError(f"{dataset.path}: its histories were recorded with {'; '.join(told)}", " ".join(again))
 
 
@@ -275,13 +281,14 @@ def _cause(
 
 
 def _offered(rollout: Episode, decisions: Sequence[Decision], link: tuple[int, str]) -> bool:
-    """Whether the interaction model proposed a contact on a link, or was not even asked."""
+    """Whether a contact on a link was offered, or the interaction model not even asked for one."""
     codes = [number + 1 for number, one in enumerate(rollout.links) if (one.object, one.name) == link]
     for number, decision in enumerate(decisions):
         segmentation = rollout.image(number).segmentation
         assert segmentation is not None
         if decision.proposed is None:
             return True
-        if any(int(segmentation[v, u]) in codes for u, v in (contact.pixel for contact in decision.proposed)):
+        offered = (contact.pixel for contact in (*decision.repeats, *decision.proposed))
+        if any(int(segmentation[v, u]) in codes for u, v in offered):
             return True
     return False

@@ -182,6 +182,7 @@ class Loop:
         self.learner, self._report, self._every = learner, report, every
         self.checkpoint, self.metrics = files_of(out, learner.name)
         self.progress = Progress()
+        self._untold: list[float] = []
         self.best: dict[str, Tensor] = {}
         if self.checkpoint.exists():
             self._restore()
@@ -198,7 +199,7 @@ class Loop:
             the metrics, to which the figures at the end of a round can be added.
         """
         progress = self.progress
-        metrics = Metrics(self.metrics, name, progress.iteration, start, until, self._report)
+        metrics = Metrics(self.metrics, name, progress.iteration, start, until, self._report, self._untold)
         while not self._over(until) and not (patience and progress.waited >= patience):
             loss, rate = self.learner.iterate(progress.iteration)
             if not math.isfinite(loss) and not self.learner.leaves_out:
@@ -234,7 +235,8 @@ class Loop:
         tensors = training_tensors(learner.network, learner.optimizer) | state.tensors
         tensors |= {BEST + name: tensor for name, tensor in self.best.items()}
         time_used = {} if learner.budget is None else {"seconds": learner.budget.seconds}
-        values = {"progress": asdict(self.progress), "learner": state.values | time_used}
+        untold = [loss if math.isfinite(loss) else None for loss in self._untold]
+        values = {"progress": asdict(self.progress), "learner": state.values | time_used, "untold": untold}
         save_tensors(self.checkpoint, tensors, values)
 
     def _restore(self) -> None:
@@ -243,6 +245,7 @@ class Loop:
         self.best = {name.removeprefix(BEST): one for name, one in saved.tensors.items() if name.startswith(BEST)}
         values: dict[str, Any] = saved.values
         if "progress" in values:
+            self._untold = [math.nan if loss is None else loss for loss in values.get("untold", ())]
             self.progress, values = Progress(**values["progress"]), values["learner"]
         else:  # networks that are trained in rounds or epochs once wrote how far they were among their own values
             self.progress = Progress(int(values.get("iteration", values.get("total", 0))))

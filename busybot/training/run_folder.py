@@ -85,13 +85,16 @@ class Metrics:
 
     Args:
         resumed: lines after this iteration are dropped: the training repeats them.
+        losses: since the last line, those of before an interruption; new ones are put there.
     """
 
-    def __init__(self, path: Path, name: str, resumed: int, start: int, until: int, every: int):
+    def __init__(
+        self, path: Path, name: str, resumed: int, start: int, until: int, every: int, losses: list[float] | None = None
+    ):
         self._path, self._name, self._start, self._until, self._every = path, name, start, until, every
         kept = (line for line in read_metrics(path) if line["iteration"] <= resumed)
         self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] < until]
-        self._losses: list[float] = []
+        self._losses = [] if losses is None else losses
         self._began, self._first, self._told = time.monotonic(), resumed, time.monotonic()
 
     def add(self, iteration: int, loss: float, rate: float) -> None:
@@ -101,7 +104,7 @@ class Metrics:
             known = [one for one in self._losses if math.isfinite(one)]
             mean = sum(known) / len(known) if known else None
             self._lines.append({"iteration": iteration, "loss": mean, "learning_rate": rate})
-            self._losses = []
+            self._losses.clear()
             now = time.monotonic()
             if now - self._told >= PROGRESS_SECONDS or iteration == self._until:
                 self._told, seconds = now, (now - self._began) / (iteration - self._first)

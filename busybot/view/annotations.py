@@ -11,14 +11,18 @@ from busybot.boards.directions import DIRECTIONS
 from busybot.boards.spec import BoardSpec
 from busybot.boards.true_causes import periods, relations_at
 from busybot.common.errors import BusybotError
+from busybot.datasets.info import IMPORTED
 from busybot.episodes.camera import project
+from busybot.episodes.comparing import changed_squares, in_pixels
 from busybot.episodes.episode import Episode, Image
+from busybot.interact.policy.noisy_pictures import is_noisy, least_depth, looks_otherwise
 from busybot.reason.models.base import InferredGraph
 
 CHANGED_TOLERANCE = 12
 """A pixel differs when a channel differs by more; below it is image encoding."""
-CHANGED_PIXELS = 40
-"""An object looks different when more of its pixels differ."""
+CHANGED_PIXELS, CHANGED_IN_PHOTOS = 40, 200
+"""An object looks different when more of its pixels differ; in photos edges of shadows and hands leave some, too, and
+what a small switch changes is no more than they do."""
 DEFAULT_DELTA = 500
 
 PICTURE_WIDTH = 640.0
@@ -79,6 +83,8 @@ def board_bounds(episode: Episode, margin: float) -> tuple[np.ndarray, np.ndarra
     camera, half = episode.camera, np.array(episode.board.size) / 2
     corners = np.array([[x, y, 0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
     pixels, border = project(corners, camera)[0], margin / drawing_scale(episode)
+    if episode.settings.get(IMPORTED, {}).get("camera") == "image":  # nobody knows where in the picture the board ends
+        pixels = np.array([[0, 0], [camera.width, camera.height]], float)
     return np.maximum(pixels.min(0) - border, 0), np.minimum(pixels.max(0) + border, [camera.width, camera.height])
 
 
@@ -105,9 +111,23 @@ def delta(episode: Episode) -> int:
     return value if isinstance(value, int) else DEFAULT_DELTA
 
 
+def rewards_known(episode: Episode) -> bool:
+    """Whether somebody counted changed pixels when it was recorded: not where others' recordings were imported."""
+    return IMPORTED not in episode.settings
+
+
 def visible(image: Image) -> np.ndarray:
     """Indices of the objects that have a box in the image."""
-    return np.flatnonzero((image.boxes[:, 2:] > image.boxes[:, :2]).all(1))
+    return _of_boxes(image.boxes)
+
+
+def _of_boxes(boxes: np.ndarray) -> np.ndarray:
+    return np.flatnonzero((boxes[:, 2:] > boxes[:, :2]).all(1))
+
+
+def known_boxes(episode: Episode, image: Image) -> np.ndarray:
+    """Boxes of an image, (N, 4); those of the first one where they are all that is known, as in what was imported."""
+    return image.boxes if len(visible(image)) else episode.image(0).boxes
 
 
 def looks_new(episode: Episode, frame: int) -> bool:
@@ -131,14 +151,25 @@ def remaining_responders(episode: Episode, frame: int) -> list[int]:
 
 
 def unlike_objects(episode: Episode, before: Image, after: Image) -> list[int]:
-    """Objects that look different in two images of the board, by pixels alone."""
-    difference = np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE
-    found = []
-    for index in visible(after):
+    """Objects that look different in two images of the board, by pixels alone; not by what a camera or light adds."""
+    difference, found = _difference(episode, before, after), []
+    least = CHANGED_IN_PHOTOS if is_noisy(before.rgb, after.rgb) else CHANGED_PIXELS
+    for index in _of_boxes(known_boxes(episode, after)):
         own = difference & (_pixels_of(episode, before, index) | _pixels_of(episode, after, index))
-        if int(own.sum()) > CHANGED_PIXELS:
+        if int(own.sum()) > least:
             found.append(int(index))
     return found
+
+
+def _difference(episode: Episode, before: Image, after: Image) -> np.ndarray:
+    """Pixels that differ, bool (H, W)."""
+    if not is_noisy(before.rgb, after.rgb):
+        return np.asarray(np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE)
+    first = episode.image(0)
+    if before.depth is None or after.depth is None or first.depth is None:
+        return np.asarray(in_pixels(changed_squares(before.rgb, after.rgb), before.rgb.shape[:2]))
+    one, other = (image.observation(episode.camera) for image in (before, after))
+    return looks_otherwise(one, other, least_depth(first.depth))
 
 
 def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
@@ -147,7 +178,7 @@ def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
         owner = np.array([-1, *(link.object for link in episode.links)])
         return owner[image.segmentation] == index
     inside = np.zeros(image.rgb.shape[:2], bool)
-    u0, v0, u1, v1 = (max(int(x), 0) for x in image.boxes[index])
+    u0, v0, u1, v1 = (max(int(x), 0) for x in known_boxes(episode, image)[index])
     inside[v0:v1, u0:u1] = True
     return inside
 
@@ -155,8 +186,9 @@ def _pixels_of(episode: Episode, image: Image, index: int) -> np.ndarray:
 def acted_object(episode: Episode, step: int) -> int:
     """The object whose box holds the chosen pixel, the smallest of several; -1 if none does."""
     image, (u, v) = episode.image(step), episode.steps[step].pixel
-    u0, v0, u1, v1 = image.boxes.astype(int).T
-    holding = [int(i) for i in visible(image) if u0[i] <= u < u1[i] and v0[i] <= v < v1[i]]
+    boxes = known_boxes(episode, image)
+    u0, v0, u1, v1 = boxes.astype(int).T
+    holding = [int(i) for i in _of_boxes(boxes) if u0[i] <= u < u1[i] and v0[i] <= v < v1[i]]
     return min(holding, key=lambda i: (u1[i] - u0[i]) * (v1[i] - v0[i]), default=-1)
 
 

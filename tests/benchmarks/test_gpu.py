@@ -319,6 +319,18 @@ def _random_epochs(config: PaperConfig, kind: Kind) -> float:
     return sum(config.epsilon(kind, epoch) for epoch in range(config.epochs))
 
 
+def test_what_another_training_learned_is_not_brought_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`busybot train interact` refuses a folder of other parameters; what lies there has another row's name."""
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "weights").write_text("of another row")
+    monkeypatch.setattr(interact, "train", lambda command, minutes: 1)
+    monkeypatch.setattr(interact, "bring_back", lambda arguments, seconds: pytest.fail("brought back"))
+    with pytest.raises(BusybotError, match="ended with code 1, and learned nothing"):
+        interact.main(["--assets", "x", "--row", "paper-rgb", "--work", str(work), "--out", str(tmp_path / "back")])
+    assert not (tmp_path / "back").exists() and not (tmp_path / "work.seconds.json").exists()
+
+
 @pytest.mark.long
 def test_interaction_networks_there_and_back(tmp_path: Path, few_objects: Callable[[int], Path]) -> None:
     """Interrupted before anything is learned, then to the end, where nothing can be imported but what travels."""

@@ -13,10 +13,14 @@ from benchmarks.studies import proposed_boxes
 from benchmarks.tables import table1, table2, table3, whole_pipeline
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
+from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import RESULT
 from busybot.evaluation.reference_tables import INTERACTION
 from busybot.evaluation.results import code_digest, read_result, stamp, write_result
 from busybot.interact.policy.config import AffordanceInfo
+from busybot.interact.training.config import PaperConfig
+from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
 
 
 def scores(**values: float | None) -> dict[str, Any]:
@@ -50,12 +54,15 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
         return scores(pred_a=0.5)
 
     monkeypatch.setattr(runner, "busybot", answer)
-    (tmp_path / "data" / "novel-object").mkdir(parents=True)
+    split = make_dataset(tmp_path / "data" / "novel-object")
     out = tmp_path / "table2.json"
     words = ["--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(out), "--rows", "lookup"]
     table2.main(words)
     table2.main(words)
     assert len(asked) == 1 and asked[0][:2] == ("eval", "reason")
+    write_episode(split.episode_path(2), make_episode(2))
+    table2.main(words)
+    assert len(asked) == 2, "there is one more recording"
     row = json.loads(out.read_text())["rows"]["lookup"]
     assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
     assert row["commands"] == ["busybot eval reason DATA/novel-object --reasoner lookup --decoders DATA/train"]
@@ -74,7 +81,7 @@ def test_rows_of_table_2_are_compared_on_the_boards_that_both_have(
         return scores(by_board={"pred_a": {"part": part, "whole": [10] * len(part)}})
 
     monkeypatch.setattr(runner, "busybot", answer)
-    (tmp_path / "data" / "few" / "novel-config").mkdir(parents=True)
+    make_dataset(tmp_path / "data" / "few" / "novel-config")
     words = ["--data", f"{tmp_path}/data", "--work", f"{tmp_path}/work", "--out", str(tmp_path / "told.json")]
     table2.main([*words, "--rows", "paper-short-without-inference"])
     alone = told_rows(tmp_path / "told.json", "table2")["paper-short-without-inference"]
@@ -249,8 +256,9 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(runner, "busybot", answer)
     (tmp_path / "w" / "paper").mkdir(parents=True)
     half = AffordanceInfo(
-        variant="paper", inputs="depth", prior=0.5, training={"epochs": 20, "schedule": 40, "seed": 0}
-    )
+        variant="paper", inputs="depth", prior=0.5,
+        training={"epochs": 20, "schedule": 40, "seed": 0, "config": PaperConfig().model_dump(mode="json")},
+    )  # fmt: skip
     (tmp_path / "w" / "paper" / "model.json").write_text(half.model_dump_json())
     out, rows = tmp_path / "table1.json", "free-0,free-1,greedy,without-responders-1000,shipped,paper,paper-greedy"
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--rows", rows])
@@ -272,11 +280,15 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     assert told["free-1"]["novel-config"]["compared"]["recall"]["p"] == 1
     trained = [command for command in asked if command[0] == "train"][1:]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
-    assert told["paper"]["training"] == {"epochs": 20, "schedule": 40, "seed": 0, "cost": None}, (
-        "a model is judged as it is"
-    )
-    with pytest.raises(BusybotError, match="trained otherwise than this row"):
+    known = {key: value for key, value in told["paper"]["training"].items() if key != "config"}
+    assert known == {"epochs": 20, "schedule": 40, "seed": 0, "cost": None}, "a model is judged as it is"
+    with pytest.raises(BusybotError, match=r"trained otherwise than this row is \(inputs"):
         table1._card_of(table1.ROWS["paper-rgb"], tmp_path / "w" / "paper")
+    with pytest.raises(BusybotError, match=r"trained otherwise than this row is \(responders\)"):
+        table1._card_of(table1.ROWS["paper-without-responders"], tmp_path / "w" / "paper")
+    monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--judge-seed", "808"])
+    with pytest.raises(BusybotError, match="its rows are of other objects, or judged on other boards"):
+        table1.main()
     assert told["paper-greedy"]["commands"][1].endswith("--model WORK/paper --mode greedy")
     papers = {"paper", "paper-greedy"}
     further = {*table1.ON_REQUEST} - papers
@@ -346,6 +358,8 @@ def test_each_seed_of_the_whole_pipeline_has_all_that_is_learned_to_itself(
 
     def answer(*arguments: str) -> dict[str, Any]:
         asked.append(arguments)
+        if arguments[0] == "generate" and not Path(arguments[1]).exists():
+            make_dataset(Path(arguments[1]))
         row = dict.fromkeys(table3.DETAILS) | {"success": 0.5, "object_interval": None}
         agents = dict.fromkeys(table3.OURS, row)
         if arguments[0] == "train":

@@ -168,9 +168,17 @@ def test_what_cannot_be_met_is_refused_with_the_numbers(library: Library) -> Non
         boards(library, boards=1, switches=(5, 5), lamps=(1, 1), responders=(1, 1), toys=(0, 0))
 
 
+def test_what_no_world_has_is_given_up_early() -> None:
+    one = {"world": "gates", "boards": 1, "responders": (1, 1), "lamps": (0, 1)}
+    with pytest.raises(BusybotError, match=r"no board of group 0 fits .* after \d\d\d draws: .*\n.*fewer locks"):
+        boards(find("procedural"), **one)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"world": "lock", "depth": (0, 0)}, "depth: .*'lock' has at least one lock, 0 allowed"),
+        ({"world": "real-board", "split": "novel-object"}, "'real-board' has objects of its own"),
         ({"switches": (3, 2)}, "switches: the range 3..2 is empty"),
         ({"switches": (0, 2)}, "at least one"),
         ({"lamps": (7, 8)}, "at least 7 do not fit"),

@@ -60,6 +60,8 @@ def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: 
     dataset.episode_path(0).unlink()
     again = shlex.split(collect_command(Path(out), dataset.info))
     assert busybot(*again[1:], "--workers", "1", *SMALL[:4]).returncode == 0
+    both = busybot("collect", out, "--camera", "clean", "--set", "render.camera.noise=0.05", *few)
+    assert both.returncode == 2 and "is no clean camera" in both.stderr
     refused = busybot("collect", out, "--camera", "clean", *few)
     assert refused.returncode == 1 and "render" in refused.stderr
 

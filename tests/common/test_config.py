@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from busybot.boards.config import BoardConfig
-from busybot.common.config import build
+from busybot.common.config import asked, build
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.interact.training.config import TrainConfig
@@ -16,6 +16,21 @@ def test_later_sources_win(tmp_path: Path) -> None:
     file.write_text("boards: 5\nlamps: [3, 4]\nseed: 1\n")
     config = build(BoardConfig, file, ["seed=2", "lamps=[2, 3]"], {"seed": 3, "boards": None})
     assert (config.boards, config.lamps, config.seed) == (5, (2, 3), 3)
+
+
+def test_what_is_asked_for_is_known_before_it_is_checked(tmp_path: Path) -> None:
+    file = tmp_path / "train.yaml"
+    file.write_text("variant: paper\n")
+    assert asked("variant", None, [], {"variant": None}) is None
+    assert asked("variant", file, [], {"variant": None}) == "paper"
+    assert asked("variant", file, ["variant=fast"], {}) == "fast"
+    assert asked("variant", file, ["variant=fast"], {"variant": "paper"}) == "paper"
+
+
+@pytest.mark.parametrize("value", [".inf", "-.inf", ".nan"])
+def test_what_json_has_no_number_for_is_refused(value: str) -> None:
+    with pytest.raises(BusybotError, match=r"position\.learning_rate"):
+        build(TrainConfig, None, [f"position.learning_rate={value}"], {})
 
 
 def test_another_default_yields_to_file_and_setting_within_its_group(tmp_path: Path) -> None:

@@ -19,8 +19,9 @@ from busybot.datasets.freeze import freeze
 from busybot.datasets.repair import repair
 from busybot.datasets.verify import verify
 from busybot.episodes.episode import SALVAGED, Episode
+from busybot.episodes.mcap import writer
 from busybot.episodes.mcap.reader import read_episode
-from busybot.episodes.mcap.records import each_record
+from busybot.episodes.mcap.records import MAGIC, each_record
 from busybot.episodes.mcap.salvage import salvage
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import COLLECT, make_dataset
@@ -72,6 +73,17 @@ def test_of_a_cut_file_all_whole_steps_are_saved(tmp_path: Path, make, images) -
     counts = [saved[share] for share in SHARES]
     assert counts == sorted(counts) and counts[-1] == 12
     assert len({count for count in counts if 0 < count < 12}) >= 2, counts
+
+
+def test_cut_within_the_head_of_a_chunk_all_before_it_is_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(writer, "CHUNK_BYTES", 40_000)
+    file = tmp_path / "e.mcap"
+    write_episode(file, noisy(make_episode(0, steps=12)))
+    data = file.read_bytes()
+    chunks = [place for place, code, _, _ in each_record(data, Budget(), len(MAGIC)) if code == Opcode.CHUNK]
+    assert len(chunks) > 2
+    saved = [salvage(data[: chunks[-1] + more]).steps for more in (5, 12, 30, 45)]
+    assert len(set(saved)) == 1 and saved[0] > 0
 
 
 def test_without_its_goal_a_task_is_not_saved(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, unmoved_links
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
-from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner, check_pictures
+from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner, check_settings
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.lookup import Lookup, Persistence
 from busybot.sim.builtin_policies import ScriptedFactory
@@ -143,11 +143,12 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
 
 def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:
     dataset = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), find("procedural"))
-    check_pictures(dataset, RenderConfig(width=320))  # nothing is recorded
+    usual = InteractionConfig()
+    check_settings(dataset, RenderConfig(width=320), usual)  # nothing is recorded
     seen = RenderConfig.model_validate({"width": 320, "camera": {"noise": 0.01, "blur": 0.8}})
     recorded = {"camera": {"blur": 0.8, "noise": 0.01}, "width": 320, "height": 480}  # some are older than a setting
     dataset.begin_collecting(CollectInfo(policy="random", steps=1, settings={"render": recorded}))
-    check_pictures(dataset, seen)
+    check_settings(dataset, seen, usual)
     for other, problem in (
         (seen.model_copy(update={"width": 640}), "render.width 320, not 640\n  hint: --set render.width=320"),
         (seen.model_copy(update={"width": 640, "height": 240}), "hint: --set render.height=480 --set render.width=320"),
@@ -155,8 +156,21 @@ def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:
         (seen.model_copy(update={"randomise": Randomise(fov=0.1)}), "hint: --set 'render.randomise={}'"),
     ):
         with pytest.raises(BusybotError, match=problem):
-            check_pictures(dataset, other)
+            check_settings(dataset, other, usual)
     with pytest.raises(BusybotError, match=r"render.camera {.*}, not {}"):
+        run(dataset)
+
+
+def test_histories_of_other_actions_are_refused(tmp_path: Path) -> None:
+    dataset = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), find("procedural"))
+    strict = InteractionConfig(strict=True, delta=300)
+    settings = {"interaction": strict.model_dump(mode="json")}
+    dataset.begin_collecting(CollectInfo(policy="random", steps=1, settings=settings))
+    check_settings(dataset, RenderConfig(), strict)
+    what = "interaction.delta 300, not 500; interaction.strict true, not false\n"
+    with pytest.raises(BusybotError, match=what + "  hint: --set explore.interaction.delta=300 --set explore.inter"):
+        check_settings(dataset, RenderConfig(), InteractionConfig(), "explore.")
+    with pytest.raises(BusybotError, match="interaction.strict true, not false"):
         run(dataset)
 
 

@@ -209,7 +209,9 @@ def test_no_more_boards_are_trained_on_than_asked_for() -> None:
 def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     library, out = find("procedural"), tmp_path / "out"
     paper, time = BoardConfig(boards=1, tasks="one-to-one"), BoardConfig(boards=1, world="time", tasks="reach")
-    data = {name: create_dataset(tmp_path / name, of, library) for name, of in (("paper", paper), ("time", time))}
+    large = BoardConfig(boards=1, world="gates", tasks="reach", links=(9, 12))
+    told = ("paper", paper), ("time", time), ("large", large)
+    data = {name: create_dataset(tmp_path / name, of, library) for name, of in told}
 
     def refused(name: str, problem: str, explore: dict[str, Any] | None = None) -> None:
         config = BC.model_copy(update={"explore": BoardGraphConfig.model_validate(explore or {})})
@@ -218,6 +220,7 @@ def test_what_cannot_be_practised_on_is_refused_before_anything_is_written(tmp_p
         assert not out.exists()
 
     refused("time", "of the world 'time', which cannot be explored")
+    refused("large", r"large: board 0 has 1\d objects\n  hint: learned agents see 10 at most")
     refused("paper", "learned.explore changes nothing where somebody else chooses", {"learned": {"explore": 0.3}})
     refused("paper", "parameter explor of the learned policy", {"learned": {"explor": 0.3}})
     for render, problem in (({"width": 320}, "render.width 320, not 640"), ({"camera": {"blur": 0.8}}, "real camera")):

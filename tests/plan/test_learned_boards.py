@@ -4,12 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from gymnasium.utils.env_checker import check_env
 
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.plan.learning.board_graph import GoalEnv, PracticeRollout, load_explored, save_explored
 from busybot.plan.learning.encoding import CHOICES, CONTACTS, OBJECTS, SHAPES, STOP, ObservationEncoder, offer, shuffled
+from busybot.training.checkpoint import save_tensors
 from tests.plan.practice import ACTIONS, explore_toy, toys
 from tests.plan.toy import DOWN, UP, Link, World, two_buttons_and_a_lever
 
@@ -106,6 +108,10 @@ def test_explored_boards_are_stored_whole(tmp_path: Path) -> None:
         assert np.array_equal(getattr(again.graph, name), value), name
     for name, value in board.history.items():
         assert np.array_equal(again.history[name], value), name
+    save_tensors(file, {"x": torch.zeros(1)}, {"group": 0})
+    with pytest.raises(BusybotError, match=r"it is no explored board: KeyError.*\n.*explores the board again"):
+        load_explored(file)
+    save_explored(file, board)
     file.write_bytes(file.read_bytes()[:-9])
     with pytest.raises(BusybotError, match="damaged"):
         load_explored(file)

@@ -1,21 +1,27 @@
 """What pictures say about an episode: names, changes, verdicts."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from busybot.common.errors import BusybotError
+from busybot.datasets.info import IMPORTED
+from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.models.base import InferredGraph
+from busybot.sim.scene.real_camera import REAL, CameraConfig, take_photo
 from busybot.view.annotations import (
     acted_object,
     anchors,
+    board_bounds,
     changed_objects,
     check_inferred,
     delta,
     judged_edges,
     object_names,
     pairs_ever,
+    rewards_known,
     true_edges,
 )
 from tests.episodes.synthetic import DELTA, make_episode, make_real_episode
@@ -49,6 +55,38 @@ def test_image_encoding_is_no_change() -> None:
     episode.images.append(replace(episode.images[0], rgb=noisy))
     episode.frame_of = [0, len(episode.images) - 1, 0, 0]
     assert changed_objects(episode, 0) == []
+
+
+def test_what_a_real_camera_adds_is_no_change() -> None:
+    """Every photo has noise, shakes, and hangs in another light."""
+    episode = read_episode(Path(__file__).parents[2] / "datasets" / "tiny" / "episodes" / "000003.mcap", "eager")
+    photos = [
+        take_photo(episode.images[number], CameraConfig(**REAL), (0, "train", 3), frame)
+        for frame, number in enumerate(episode.frame_of)
+    ]
+    real = replace(episode, images=photos, frame_of=list(range(len(photos))))
+    true = [set(changed_objects(episode, step)) for step in range(len(episode.steps))]
+    seen = [set(changed_objects(real, step)) for step in range(len(episode.steps))]
+    responders = {index for index, one in enumerate(episode.board.objects) if one.role == "responder"}
+    wrong = [one ^ other for one, other in zip(true, seen, strict=True)]
+    assert sum(map(len, true)) == 26 and sum(map(len, wrong)) <= 10, "small switches, and a hand"
+    assert sum(len(one & responders) for one in wrong) <= 2
+
+
+def test_boxes_of_the_first_image_serve_where_they_are_all_that_is_known() -> None:
+    """As in what was imported, where nobody counted changed pixels, nor knows where in the picture a board ends."""
+    episode = make_episode(steps=6)
+    first, *others = episode.images
+    bare = [replace(one, segmentation=None, boxes=np.full_like(one.boxes, -1)) for one in others]
+    facts = {IMPORTED: {"camera": "image"}}
+    known = replace(episode, images=[replace(first, segmentation=None), *bare], settings=facts)
+    for step in range(len(episode.steps)):
+        assert set(changed_objects(known, step)) == set(changed_objects(episode, step))
+        assert acted_object(known, step) == acted_object(episode, step)
+    assert rewards_known(episode) and not rewards_known(known)
+    low, high = board_bounds(known, 0)
+    assert [*low, *high] == [0, 0, episode.camera.width, episode.camera.height]
+    assert (board_bounds(episode, 0)[0] > 0).any()
 
 
 def test_the_acted_object_is_the_one_whose_box_holds_the_pixel() -> None:

@@ -85,7 +85,7 @@ def _read(data: bytes) -> tuple[Records, bool]:
     found, damaged, budget = Records(len(data)), False, Budget()
     for position, opcode, body, whole in each_record(data, budget, len(MAGIC)):
         if opcode == Opcode.CHUNK:
-            content = _content(Chunk.read(stream_of(body)), whole, budget)
+            content = _content(body, whole, budget)
             read_content(content, found, budget)
             damaged = whole and not content
         elif whole and opcode == Opcode.ATTACHMENT:
@@ -101,8 +101,12 @@ def _read(data: bytes) -> tuple[Records, bool]:
     return found, damaged
 
 
-def _content(chunk: Chunk, whole: bool, budget: Budget) -> bytes:
-    """What a chunk holds, of a cut off one the beginning; nothing of a damaged one."""
+def _content(body: bytes, whole: bool, budget: Budget) -> bytes:
+    """What a chunk holds, of a cut off one the beginning; nothing of a damaged one, or of one cut off in its header."""
+    try:
+        chunk = Chunk.read(stream_of(body))
+    except FAULTS:
+        return b""
     if whole:
         try:
             return decompress(chunk, budget)

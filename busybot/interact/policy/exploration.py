@@ -23,6 +23,7 @@ from busybot.interact.policy.board_memory import moved_window
 from busybot.interact.policy.candidates import ActionModel, V, held
 from busybot.interact.policy.config import Share
 from busybot.interact.policy.direction_pairs import ELEVATED, PAIRS, pair_scores, pixel_at, sigmoid
+from busybot.interact.policy.noisy_pictures import is_noisy, settled_depth
 from busybot.sim.policy import Action, StatelessPolicy
 
 
@@ -112,6 +113,7 @@ class GuidedExplorer(Generic[V]):
         self._seen: Observation | None = None
         self._view: V | None = None
         self._moved: np.ndarray | None = None
+        self._failed: list[tuple[int, int]] = []
 
     def select_action(self, observation: Observation, rng: np.random.Generator) -> Action:
         if observation is not self._seen or self._view is None:
@@ -128,13 +130,24 @@ class GuidedExplorer(Generic[V]):
     def observe(self, action: Action, executed: tuple[int, ...], reward: int, after: Observation) -> None:
         before, config = self._seen, self._config
         assert before is not None and self._moved is not None
+        noisy = after is not before and is_noisy(before.rgb, after.rgb)
+        depth = settled_depth(before.depth, after.depth, config.change, 0.0) if noisy else after.depth
+        moved = moved_window(before.depth, depth, action.pixel, config.reach, config.change)
         if reward:
-            self._moved |= moved_window(before.depth, after.depth, action.pixel, config.reach, config.change)
-        if after is before:  # nothing moved; what moves without a reward ("w/o responder") may be tried again
-            (column, row), near = action.pixel, self._config.near
-            around = (slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1))
-            self._best[around] *= self._config.failed
-            self._unsure[around] *= self._config.failed
+            self._moved |= moved
+        if after is before or (noisy and not reward and not moved.any()):
+            # nothing moved; what moves without a reward ("w/o responder") may be tried again
+            self._failed.append(action.pixel)
+            self._shun(action.pixel)
+        else:
+            self._failed.clear()  # what held it may have let go
+
+    def _shun(self, pixel: tuple[int, int]) -> None:
+        """Places beside one that failed attract less."""
+        (column, row), near = pixel, self._config.near
+        around = (slice(max(row - near, 0), row + near + 1), slice(max(column - near, 0), column + near + 1))
+        self._best[around] *= self._config.failed
+        self._unsure[around] *= self._config.failed
 
     def _weigh(self, view: V) -> None:
         """How much each pixel attracts: by affordance, and by the network's doubt."""
@@ -144,6 +157,8 @@ class GuidedExplorer(Generic[V]):
         belief[~held(view.affordance)] = 0
         self._best = belief * np.where(self._moved, self._config.moved, 1)
         self._unsure = belief * (1 - belief) * np.where(self._moved, self._config.moved_unsure, 1)
+        for pixel in self._failed:  # before a camera that is not still every picture is another one
+            self._shun(pixel)
 
     def _place(self, rng: np.random.Generator) -> tuple[int, int]:
         draw, config, shape = rng.random(), self._config, self._best.shape

@@ -9,7 +9,7 @@ other (`reason.inputs.steady` does so for whole recordings, by their colours; he
 import cv2
 import numpy as np
 
-from busybot.episodes.comparing import SQUARE, changed_squares
+from busybot.episodes.comparing import changed_squares, in_pixels
 from busybot.episodes.episode import Observation
 
 REPEATS = 1
@@ -47,9 +47,7 @@ def looks_otherwise(before: Observation, after: Observation, nearest: float) -> 
     Args:
         nearest: as of `settled_depth`.
     """
-    height, width = before.depth.shape
-    squares = changed_squares(before.rgb, after.rgb)
-    differs = squares.repeat(SQUARE, axis=0).repeat(SQUARE, axis=1)[:height, :width]
+    differs = in_pixels(changed_squares(before.rgb, after.rgb), before.depth.shape)
     return differs & ~_hidden(before.depth, after.depth, nearest)
 
 

@@ -33,6 +33,8 @@ _NOT_READ: dict[Mode, frozenset[str]] = {
     "ucb": frozenset(PolicyConfig.model_fields) - {"blur", "prior"} - _OF_THE_BONUS,
 }
 """Constants that change nothing in a mode."""
+_OF_OTHER_CANDIDATES = {"peaks": frozenset({"clusters", "cluster_belief"}), "kmeans": frozenset({"peak_logit", "most"})}
+"""Constants that only the other way to find candidates reads."""
 _READ_AS_PAPER: dict[Mode, frozenset[str]] = {
     "collect": frozenset({"clusters", "cluster_belief"}),
     "greedy": frozenset(),
@@ -79,10 +81,12 @@ class LearnedPolicyFactory:
         """
         info = card_of(self.model)
         config = policy_config(info, self.overrides)
-        unread, where = _NOT_READ[self.mode], f"in mode {self.mode}"
+        unread, where = _NOT_READ[self.mode] | _OF_OTHER_CANDIDATES[config.candidates], f"in mode {self.mode}"
         if self._acts_as_paper(info):
             unread = frozenset(PolicyConfig.model_fields) - _READ_AS_PAPER[self.mode]
             where += " of the paper's model"
+        elif not _NOT_READ[self.mode] & self.overrides.keys():
+            where += f" with candidates={config.candidates}"
         _refuse_unread(self.overrides, unread, where)
         return config
 

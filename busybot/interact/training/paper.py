@@ -194,6 +194,9 @@ class PaperTraining:
         # nothing is asked to repeat exactly on a GPU: pictures would be interpolated by sorting, many times slower
         with keeping_workers():  # hundreds of epochs, each of seconds
             self._run_epochs()
+        if not any(learner.loop.progress.iteration for learner in self.learners.values()):
+            what = f"{self.out}: of each epoch no recorded action succeeded, or none failed: nothing was learned"
+            raise BusybotError(what, "record more boards, or more actions on each")
         model = self._model({"rounds": self._origin(), "versions": learner_versions(), "machine": machine()})
         model.save(self.out / "model")
         return model

@@ -199,7 +199,7 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: boo
         whole: the caches hold whole pictures.
 
     Raises:
-        BusybotError: the datasets were recorded with different cameras, or a cache is damaged.
+        BusybotError: the datasets were recorded with different cameras, nothing was done in one, or a cache is damaged.
     """
     camera: Camera | None = None
     squares, parts, rows = [], [], []
@@ -212,6 +212,8 @@ def open_samples(caches: Sequence[Path], inputs: Inputs, window: int, whole: boo
                 rows.append(index[ROW] if ROW in index else np.arange(len(index["worked"])))
         except DAMAGED_ARRAY as error:
             raise BusybotError(f"{place / INDEX}: damaged: {error}", f"remove {place}, it is made again") from None
+        if not len(rows[-1]):
+            raise BusybotError(f"{place}: its dataset has no recorded action to learn from", "busybot collect DATASET")
         count, sides = int(rows[-1].max(initial=-1)) + 1, (height, width) if whole else (SIDE, SIDE)
         squares.append(_map_pixels(place / SQUARES, inputs, (count, *sides)))
     assert camera is not None

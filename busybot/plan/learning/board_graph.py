@@ -19,6 +19,7 @@ import torch
 from gymnasium import spaces
 
 from busybot.boards.directions import DIRECTIONS
+from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.plan.interfaces import TaskContext
 from busybot.plan.learning.encoding import (
@@ -34,7 +35,7 @@ from busybot.plan.learning.encoding import (
     shuffled,
 )
 from busybot.reason.inputs.sequence import BoardSequence
-from busybot.training.checkpoint import load_tensors, save_tensors
+from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors
 
 
 @dataclass(frozen=True)
@@ -119,7 +120,14 @@ def load_explored(path: Path) -> ExploredBoard:
     Raises:
         BusybotError: the file is absent or damaged.
     """
-    saved = load_tensors(path)
+    try:
+        return _explored(load_tensors(path))
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"{path}: it is no explored board: {type(error).__name__}: {error}"
+        raise BusybotError(what, "remove it; the same command explores the board again") from None
+
+
+def _explored(saved: Checkpoint) -> ExploredBoard:
     arrays: dict[str, dict[str, Any]] = {"history": {}, "graph": {}, "": {}}
     for name, tensor in saved.tensors.items():
         part, _, field = name.rpartition(".")

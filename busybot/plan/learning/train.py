@@ -31,9 +31,10 @@ from busybot.objects.library import Library
 from busybot.plan.learning.bc import BcLearner
 from busybot.plan.learning.board_graph import ExploredBoard
 from busybot.plan.learning.config import BcConfig, PpoConfig
+from busybot.plan.learning.encoding import OBJECTS
 from busybot.plan.learning.explore import BoardGraphConfig, explored_boards
 from busybot.plan.learning.network import PolicyInfo
-from busybot.plan.rollout import check_pictures
+from busybot.plan.rollout import check_settings
 from busybot.reason.models.lookup import Persistence
 from busybot.training.checkpoint import save_model
 from busybot.training.loop import LoopConfig, fit, groups_apart
@@ -149,10 +150,13 @@ def _of_training(dataset: Dataset, explore: BoardGraphConfig) -> Dataset:
     for board in dataset.boards():
         if board.task is None:
             raise BusybotError(f"{dataset.path}: its boards have no tasks", hint)
+        if len(board.objects) > OBJECTS:
+            what = f"{dataset.path}: board {board.index} has {len(board.objects)} objects"
+            raise BusybotError(what, f"learned agents see {OBJECTS} at most: draw boards with fewer (max_objects)")
     if dataset.info.collect and dataset.info.collect.look().get("camera"):
         what = f"{dataset.path}: recorded with the real camera, boards are explored with the clean one"
         raise BusybotError(what, "record the histories without --camera real")
-    check_pictures(dataset, explore.render, "explore.render")
+    check_settings(dataset, explore.render, explore.interaction, "explore.")
     return dataset
 
 

@@ -45,7 +45,7 @@ KEYS: dict[str, str] = {
     "counts. `not asked`: an input moved nowhere on the tour, and nobody is right there, the exact observer neither; "
     "`parents`: it has other ones (links, where a model tells them apart) than the model claims; `never met`: an input "
     "was never met in a state in which the tour asks about it; `otherwise`. Null as `mechanism_accuracy`",
-    "mechanism_by_kind": "both by kind of mechanism, with numbers; `none` are responders that nothing moves",
+    "mechanism_by_kind": "both by kind of mechanism, with numbers; `rest` are responders that nothing moves",
     "kind_accuracy, kind_bound, lag_accuracy, lag_bound": "share of all responders whose kind of mechanism, and whose "
     "lag, is named rightly. Null for models that tell them on no board",
     "gap": "`pred_a` minus `mechanism_accuracy`: one can predict without understanding",

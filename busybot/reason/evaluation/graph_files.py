@@ -194,7 +194,7 @@ def read_graphs(path: Path) -> GivenGraphs:
     graphs: dict[int, GraphFile] = {}
     hashes: dict[str, dict[str, str]] = {}
     for file in files:
-        values = read_json(file)
+        values, digest = read_json(file), sha256_of(file)
         for one in values if isinstance(values, list) else [values]:
             try:
                 graph = GraphFile.model_validate(one)
@@ -203,7 +203,7 @@ def read_graphs(path: Path) -> GivenGraphs:
             if graph.board in graphs:
                 raise BusybotError(f"{file}: a second graph of board {graph.board}", "give each its board's number")
             graphs[graph.board] = graph
-            hashes.setdefault(graph.model, {})[file.name] = sha256_of(file)
+            hashes.setdefault(graph.model, {})[file.name] = digest
     silent = [board for board, graph in graphs.items() if graph.links is None]
     if 0 < len(silent) < len(graphs):  # else a model chose on which boards it is judged
         raise BusybotError(f"{path}: `links` are told of other boards, but not of board {silent[0]}", HINT)

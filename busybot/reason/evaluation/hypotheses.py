@@ -411,7 +411,7 @@ def space_of(world: str, novel: bool, sizes: tuple[int, ...], stages: tuple[Stag
     Raises:
         BusybotError: there is no such world, or one of its mechanisms draws what nobody can list.
     """
-    law = World(kinds={DIRECT: 1.0}) if world == PAPER else world_named(world)
+    law = World(kinds={DIRECT: 1.0}) if world == PAPER else world_named(world, novel)
     single = [number for number, (two, _) in enumerate(stages) if two]
     of_links = {able: _driven(law, novel, sizes, able).found for able in set(stages)}
     driven = [of_links[able] for able in stages]

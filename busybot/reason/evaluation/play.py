@@ -12,6 +12,7 @@ import numpy as np
 from busybot.boards.spec import BoardSpec
 from busybot.common.atomic_io import sha256_of
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_HASHED_BYTES
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.evaluation.folder import BoardWork, conclude, judge_boards
@@ -93,7 +94,7 @@ def play_boards(
     places = {word: Path(word) for word in games.agent} | {
         games.agent[0]: Path(shutil.which(games.agent[0]) or games.agent[0])
     }
-    files = {word: sha256_of(place) for word, place in places.items() if place.is_file()}
+    files = {word: told for word, place in places.items() if (told := told_of(place)) is not None}
     settings = {
         "agent": shlex.join(games.agent),
         "agent_files": files,
@@ -111,6 +112,18 @@ def play_boards(
     result = {**stamped, **settings, **summarised(boards, played, games.seed)}
     result["logged"] = log_judgement(dataset, [one.index for one in boards], str(settings["agent"]), result)
     return conclude(out, result)
+
+
+def told_of(place: Path) -> str | None:
+    """The SHA-256 of a file that the program's command names, or its size and date where that is too much to read; None
+    of a word that names no file."""
+    try:
+        about = place.stat() if place.is_file() else None
+    except OSError:  # such as a piece of a program, longer than names are
+        return None
+    if about is None or about.st_size <= MAX_HASHED_BYTES:
+        return None if about is None else sha256_of(place)
+    return f"{about.st_size} bytes, changed at {about.st_mtime_ns} ns"
 
 
 def summarised(boards: Sequence[BoardSpec], played: Sequence[PlayedBoard], seed: int) -> dict[str, Any]:

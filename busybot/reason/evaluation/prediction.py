@@ -160,24 +160,28 @@ class Explanation:
         return np.flatnonzero(self.judged & ((self.expected[step] != before) | (self.states[step + 1] != before)))
 
 
-def inferred_over_time(episode: Episode, model: str, images: int = 23) -> InferredGraph:
+def inferred_over_time(episode: Episode, model: str, images: int | None = None) -> InferredGraph:
     """What controls what, after each step of an episode, in the eyes of a model by its name or folder.
+
+    Args:
+        images: of the first so many; of all by default.
 
     Raises:
         BusybotError: there is no such model, or its features cannot be computed.
     """
-    observed = observe_episode(episode).first(images)
+    observed = observe_episode(episode)
+    observed = observed if images is None else observed.first(images)
     if model in GRAPHS:
         return infer(observed, model)
     reasoner = reasoner_of(model)
     return reasoner.graph(sequence_of(observed, make_extractor(reasoner.encoder).of(observed)))
 
 
-def explain(episode: Episode, reasoner: Reasoner, images: int = 23) -> Explanation:
+def explain(episode: Episode, reasoner: Reasoner, images: int | None = None) -> Explanation:
     """Go through an episode.
 
     Args:
-        images: what is observed later teaches nothing more.
+        images: what is observed after so many teaches nothing more; by default all of it does.
 
     Raises:
         BusybotError: the features of the reasoner cannot be computed.
@@ -185,6 +189,7 @@ def explain(episode: Episode, reasoner: Reasoner, images: int = 23) -> Explanati
     observed = observe_episode(episode)
     sequence = sequence_of(observed, make_extractor(reasoner.encoder).of_episode(episode))
     features, truth = sequence.features, states_of(episode)
+    images = sequence.steps + 1 if images is None else images
     clusters = clusters_of(features, threshold_of(reasoner.encoder, features))
     states = clusters if truth is None else truth.states
     judged = judged_objects(observed) & (states >= 0).all(axis=0)  # smaller boxes may cover a whole one

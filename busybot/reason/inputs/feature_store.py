@@ -70,7 +70,7 @@ class Features(Mapping[int, np.ndarray]):
     _dataset: Dataset
 
     def __getitem__(self, episode: int) -> np.ndarray:
-        values = _load(self._files[episode], self._digests[episode], whole=True)
+        values = _load(self._files[episode], self._digests[episode])
         if values is None:
             what = f"{self._files[episode]}: it was changed since it was written"
             raise BusybotError(what, "compute the features again (`busybot features`)")
@@ -172,12 +172,11 @@ def _compute(encoder: str, weights: Path | None, root: Path, task: tuple[Path, P
     write_atomically(file, data.getvalue(), root)
 
 
-def _load(file: Path, digest: str, whole: bool = False) -> np.ndarray | None:
-    """A stored array, memory-mapped; None where there is none that can be used.
+def _load(file: Path, digest: str) -> np.ndarray | None:
+    """A stored array, memory-mapped; None where there is none that can be used: what was changed has another checksum.
 
     Args:
         digest: of the episode's content, which the file must name.
-        whole: compare the values with their checksum, too.
     """
     if file.is_symlink() or not file.is_file():
         return None
@@ -194,7 +193,7 @@ def _load(file: Path, digest: str, whole: bool = False) -> np.ndarray | None:
     if len(end) != _END.size:  # of an earlier version
         return None
     made_of, checksum = _END.unpack(end)
-    right = made_of.hex() == digest and not (whole and zlib.crc32(np.ascontiguousarray(values).data) != checksum)
+    right = made_of.hex() == digest and zlib.crc32(np.ascontiguousarray(values).data) == checksum
     return values if right else None
 
 

@@ -12,6 +12,8 @@ from functools import partial
 
 import numpy as np
 
+from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_WATCHED_PIXELS
 from busybot.episodes.episode import Image
 from busybot.reason.inputs.object_masks import ChangeConfig, ObjectMasks, Region
 from busybot.reason.inputs.observation import Frame, ObservedEpisode
@@ -141,7 +143,9 @@ class UnsteadyTriggers:
     """The triggers that the first frame shows, in all pictures of a recording that was steadied, looked at once."""
 
     def __init__(self, observed: ObservedEpisode):
-        pixels, frames = ObjectMasks(observed), [observed.frame(k) for k in range(len(observed.image_of))]
+        pixels = ObjectMasks(observed)
+        _refuse_too_many(observed, pixels)
+        frames = [observed.frame(k) for k in range(len(observed.image_of))]
         self._deep = np.array([frame.depth is not None for frame in frames])
         self._own, self._looks = dict[int, np.ndarray](), dict[int, np.ndarray]()
         for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
@@ -169,6 +173,15 @@ class UnsteadyTriggers:
             }
             self._latest = len(acted), views
         return self._latest[1]
+
+
+def _refuse_too_many(observed: ObservedEpisode, pixels: ObjectMasks) -> None:
+    """What is kept of each frame would not fit into memory."""
+    areas = [pixels.regions[one].mine.size for one in map(int, observed.triggers) if one in pixels.regions]
+    if (asked := sum(areas) * len(observed.image_of)) > MAX_WATCHED_PIXELS:
+        what = f"{getattr(observed.images, 'where', 'a recording')}: {len(observed.image_of)} frames before a camera "
+        what += f"that is not still, in which boxes of triggers have {asked:,} pixels, at most {MAX_WATCHED_PIXELS:,}"
+        raise BusybotError(what, "make shorter recordings, or smaller pictures (`import --width`)")
 
 
 def _calm(looks: np.ndarray, mine: np.ndarray, touched: np.ndarray) -> View:

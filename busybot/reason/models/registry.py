@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, ValidationError
 
-from busybot.boards.worlds import WORLDS
+from busybot.boards.spec import PAPER
+from busybot.boards.worlds import BUILT
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
@@ -73,9 +74,11 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
         from busybot.reason.models.mechanism.config import MechanismConfig
         from busybot.reason.models.mechanism.networks import MechanismNet
         from busybot.reason.models.mechanism.reasoner import MechanismReasoner
+        from busybot.reason.models.mechanism.unseen import of_now
 
         mechanism = MechanismConfig.model_validate(info.config)
-        return MechanismReasoner(network_with(lambda: MechanismNet(mechanism.net), tensors, file), info.encoder)
+        known = network_with(lambda: MechanismNet(mechanism.net), of_now(tensors), file)
+        return MechanismReasoner(known, info.encoder)
     from busybot.reason.models.paper.config import PaperReasonConfig
     from busybot.reason.models.paper.networks import PaperReasoner, network_of
     from busybot.training.device import device
@@ -87,7 +90,8 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
 
 def usual_reasoner(dataset: Dataset) -> str:
     """The shipped model that knows the mechanisms of a dataset's boards; of boards of other simulators, the paper's."""
-    return WORLDS_REASONER if dataset.info.generator.config.get("world") in tuple(WORLDS) else DEFAULT_REASONER
+    world = dataset.info.generator.config.get("world")
+    return DEFAULT_REASONER if world in (None, PAPER, *BUILT) else WORLDS_REASONER
 
 
 class NoParameters(FrozenModel):

@@ -49,7 +49,8 @@ class CameraConfig(FrozenModel):
     """Terms of the real camera with their strengths; 0 leaves a term out, and without any the camera is clean.
 
     Attributes:
-        hand: share of frames, from frame 1 on, in which a hand hides a part of the board, for 1 to 4 frames on end.
+        hand: share of frames, from frame 1 on, in which a hand hides a part of the board, for 2 to 4 frames on end,
+            longer where two meet.
         shadow: share of light that a soft band takes which moves over the board for 2 to 5 frames now and then.
         shake: displacement of each frame, up to so many pixels in any direction.
         blur: standard deviation of the blur, pixels; each frame has between half and all of it.

@@ -56,7 +56,7 @@ def episode_figure(path: Path, episode: Episode) -> Path:
         said = harmless(
             f"{names[acted] if acted >= 0 else 'the board'} → {', '.join(told) or 'nothing'}", LONGEST_TITLE
         )
-        parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(step))) else "")
+        parts.draw_title(axes, f"step {step + 1}", said if len(annotations.visible(episode.image(0))) else "")
     return parts.save_png(figure, path)
 
 
@@ -197,7 +197,10 @@ def changes_figure(path: Path, episode: Episode) -> Path:
     axes.set_ylim(0, 1.12 * max(int(changed.max(initial=0)), limit))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 5, 10], min_n_ticks=0))
     axes.set_xlabel("step", fontsize=8, color=unit(MUTED))
-    told = f"board {episode.board.index}: {rewarded.sum()} of {len(changed)} steps rewarded"
+    counted = (
+        f"{rewarded.sum()} of {len(changed)} steps rewarded" if annotations.rewards_known(episode) else "not known"
+    )
+    told = f"board {episode.board.index}: {counted}"
     parts.draw_title(axes, "changed pixels", told)
     handles = [Patch(color=unit(CORRECT), label="reward 1"), Patch(color=unit(MISSED), label="reward 0")]
     legend = axes.legend(

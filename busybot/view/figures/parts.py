@@ -17,7 +17,7 @@ from matplotlib.ticker import PercentFormatter
 
 from busybot.common.atomic_io import write_atomically
 from busybot.episodes.episode import Episode, Image
-from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names, seen_directions
+from busybot.view.annotations import anchors, board_bounds, drawing_scale, known_boxes, object_names, seen_directions
 from busybot.view.palette import ACTION, FAINT, INK, MUTED, PAPER, ROLES, Rgb, unit
 
 WIDTH = 9.6
@@ -99,7 +99,8 @@ def _add(axes: Any, patch: Patch, halo: float) -> None:
 def draw_boxes(axes: Any, episode: Episode, frame: int, objects: Iterable[int], color: Rgb) -> None:
     """Rounded boxes around objects."""
     for index in objects:
-        u0, v0, u1, v1 = episode.image(frame).boxes[index].astype(float) * drawing_scale(episode)
+        boxes = known_boxes(episode, episode.image(frame))
+        u0, v0, u1, v1 = boxes[index].astype(float) * drawing_scale(episode)
         if u1 <= u0:
             continue
         style: dict[str, Any] = {"linewidth": 1.8, "edgecolor": unit(color), "fill": False, "zorder": 5}

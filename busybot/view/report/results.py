@@ -384,7 +384,7 @@ def _says_kind(results: Results, file: Path) -> bool:
     if file.suffix != ".json":
         return False
     value = read_json(file)
-    known = isinstance(value, dict) and value.get("kind") in KINDS
+    known = isinstance(value, dict) and isinstance(value.get("kind"), str) and value["kind"] in KINDS
     results.without_kind += not known
     return known
 

@@ -6,7 +6,7 @@ rows alike. Rows about the same boards make a group.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict
 
@@ -16,8 +16,9 @@ AFTER = (10, 22, 30)
 OBSERVER = "exact observer"
 OBSERVERS = {"observer": f"{OBSERVER}, truth", "observer-detected": f"{OBSERVER}, detected"}
 """Rows of `benchmarks.tables.worlds` that no learner could be."""
-MOST_LETTERS = 60
-"""Of a name."""
+MOST_LETTERS, MOST_DIGITS = 60, 6
+"""Of a name, and of a number of actions."""
+_Found = TypeVar("_Found")
 
 
 class ResultFile(BaseModel):
@@ -188,6 +189,23 @@ class _Gate(ResultFile):
     @property
     def uncertain_pairs(self) -> int | None:
         return self._worst.uncertain_pairs
+
+
+class _TableParts(ResultFile):
+    """Of a world in a file of `benchmarks.tables.worlds`; what has no pairs of objects is no row of a report's."""
+
+    rows: dict[str, dict[str, Any]] = {}
+    discovery: dict[str, dict[str, Any]] = {}
+    learned: dict[str, dict[str, Any]] = {}
+
+
+class _Tables(ResultFile):
+    rows: dict[str, _TableParts] | None = None
+
+
+class _Gates(ResultFile):
+    camera: str = "clean"
+    rows: dict[str, dict[str, dict[str, _Gate]]] | None = None
 
 
 class _PlannedWorld(ResultFile):
@@ -364,28 +382,38 @@ def _bound_row(result: WorldReason) -> WorldRow:
 def _table_rows(value: dict[str, Any]) -> dict[str, dict[str, _TableRow]]:
     """Rows of all parts but for what was chosen and counted on the way."""
     found: dict[str, dict[str, _TableRow]] = {}
-    for world, parts in dict(value.get("rows") or {}).items():
-        rows = {**parts.get("rows", {}), **parts.get("discovery", {}), **parts.get("learned", {})}
+    for world, parts in (_Tables.model_validate(value).rows or {}).items():
+        rows = parts.rows | parts.discovery | parts.learned
         found[world] = {name: _TableRow.model_validate(row) for name, row in rows.items() if "object" in row}
     return found
 
 
 def _gate_rows(value: dict[str, Any]) -> dict[str, dict[str, _Gate]]:
     """By world and set in words; what was seen by another camera says so."""
-    camera = str(value.get("camera", "clean"))
-    seen = "" if camera == "clean" else f", camera {short(camera)}"
+    told = _Gates.model_validate(value)
+    seen = "" if told.camera == "clean" else f", camera {short(told.camera)}"
     return {
-        f"{short(world)}: {short(name)}, frozen{seen}": {who: _Gate.model_validate(row) for who, row in models.items()}
-        for world, sets in dict(value.get("rows") or {}).items()
+        f"{short(world)}: {short(name)}, frozen{seen}": models
+        for world, sets in (told.rows or {}).items()
         for name, models in sets.items()
     }
+
+
+def is_count(name: str) -> bool:
+    """Whether a name in a file is a number of something."""
+    return name.isdecimal() and len(name) <= MOST_DIGITS
+
+
+def _by_actions(told: Mapping[str, _Found]) -> dict[int, _Found]:
+    """By the numbers that names are; others are left out."""
+    return {int(n): one for n, one in told.items() if is_count(n)}
 
 
 def _judged_rows(models: Mapping[str, _Gate]) -> list[WorldRow]:
     """A row for each model, and what the recordings determine."""
     found = []
     for name, one in models.items():
-        points = {int(n): told for n, told in one.after.items() if n.isdigit()}
+        points = _by_actions(one.after)
         objects = {
             n: (*((one.parent_p, one.parent_r) if n == AFTER[1] else (None, None)), told.parent_f1)
             for n, told in points.items()
@@ -394,7 +422,7 @@ def _judged_rows(models: Mapping[str, _Gate]) -> list[WorldRow]:
         found.append(WorldRow(short(name), one.boards, objects, links, found=one))
     if models:
         first = next(iter(models.values()))
-        points = {int(n): told for n, told in first.after.items() if n.isdigit()}
+        points = _by_actions(first.after)
         objects = {n: (None, None, told.parent_f1_bound) for n, told in points.items()}
         links = {n: (None, None, told.link_parent_f1_bound) for n, told in points.items()}
         known = {"mechanism_accuracy": first.mechanism_bound, "rewirings": first.rewirings, "boards": first.boards}
@@ -406,7 +434,7 @@ def _judged_rows(models: Mapping[str, _Gate]) -> list[WorldRow]:
 
 def _rows(rows: Mapping[str, _TableRow]) -> list[WorldRow]:
     def level(told: Mapping[str, _Level]) -> dict[int, tuple[float | None, float | None, float | None]]:
-        return {int(n): (one.p, one.r, one.f1) for n, one in told.items() if n.isdigit()}
+        return {n: (one.p, one.r, one.f1) for n, one in _by_actions(told).items()}
 
     found = []
     for name, row in rows.items():

@@ -14,6 +14,7 @@ from busybot.view.report.world_results import (
     WorldRow,
     boards_of,
     digest,
+    is_count,
     short,
 )
 
@@ -211,7 +212,7 @@ def _reached(told: PlannedAgent, interval: str = "") -> tuple[Entry, ...]:
 def _locks(plans: dict[str, WorldPlan]) -> list[Block]:
     """Success by the number of links that are held one behind the other, where any is."""
     own = [plan for plan in plans.values() if any(depth != "0" for depth in plan.by_locks)]
-    depths = sorted({int(depth) for plan in own for depth in plan.by_locks if depth.isdigit()})
+    depths = sorted({int(depth) for plan in own for depth in plan.by_locks if is_count(depth)})
     if not depths:
         return []
     lines: list[tuple[str, tuple[Entry, ...]]] = []

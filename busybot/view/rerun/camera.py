@@ -69,7 +69,7 @@ def log_camera_frame(recording: rr.RecordingStream, episode: Episode, frame: int
         log_depth(recording, episode, frame)
         log_boxes(recording, episode, episode.image(frame))
     if frame > 0:
-        boxes = episode.image(frame).boxes[annotations.changed_objects(episode, frame - 1)]
+        boxes = annotations.known_boxes(episode, episode.image(frame))[annotations.changed_objects(episode, frame - 1)]
         recording.log("camera/changed", marks(episode, boxes, ACTION))
         log_action(recording, episode, frame - 1)
 
@@ -118,7 +118,7 @@ def log_goal(recording: rr.RecordingStream, episode: Episode, frame: int) -> Non
     if frame == 0:
         recording.log(f"{GOAL}/image", stored_picture(episode.goals, 0), static=True)
     if annotations.looks_new(episode, frame):
-        boxes = episode.goal.boxes[annotations.remaining_responders(episode, frame)]
+        boxes = annotations.known_boxes(episode, episode.goal)[annotations.remaining_responders(episode, frame)]
         recording.log(f"{GOAL}/remaining", marks(episode, boxes, WRONG))
 
 

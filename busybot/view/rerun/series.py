@@ -9,7 +9,16 @@ from busybot.common.text import markdown_text
 from busybot.episodes.episode import Episode
 from busybot.plan.agent_policy import reason
 from busybot.reason.models.base import InferredGraph
-from busybot.view.annotations import acted_object, changed_objects, delta, named, object_names, truth_ever, visible
+from busybot.view.annotations import (
+    acted_object,
+    changed_objects,
+    delta,
+    named,
+    object_names,
+    rewards_known,
+    truth_ever,
+    visible,
+)
 from busybot.view.mechanisms import MechanismView
 from busybot.view.palette import ACTION, CORRECT, LOCK, MISSED, MUTED, STATES, TRUTH, WRONG, Rgb, curve_colors
 
@@ -33,7 +42,9 @@ def log_series_styles(recording: rr.RecordingStream) -> None:
 
 
 def log_signals(recording: rr.RecordingStream, episode: Episode, frame: int) -> None:
-    """Changed pixels against the threshold, and the reward, of the step that led to the frame."""
+    """Changed pixels against the threshold, and the reward, of the step that led to the frame, if they are known."""
+    if not rewards_known(episode):
+        return
     recording.log("signals/delta", rr.Scalars(delta(episode)))
     if frame > 0:
         step = episode.steps[frame - 1]
@@ -72,8 +83,8 @@ def log_states(recording: rr.RecordingStream, episode: Episode, frame: int) -> N
         if frame == 0:
             values = [str(k) for k in range(len(STATES))]
             style = rr.StateConfiguration(values=values, labels=values, colors=list(STATES))
-            recording.log(f"states/{name}", style, static=True)
-        recording.log(f"states/{name}", rr.StateChange(state=str(value)))
+            recording.log(["states", *name.split("/", 1)], style, static=True)
+        recording.log(["states", *name.split("/", 1)], rr.StateChange(state=str(value)))
 
 
 def relation_states(episode: Episode, frame: int) -> dict[str, int]:
@@ -166,8 +177,9 @@ def log_words(recording: rr.RecordingStream, episode: Episode, frame: int) -> No
     told: list[tuple[str, Rgb | None]] = []
     if frame:
         step = episode.steps[frame - 1]
-        seen = f"{sentence(episode, frame - 1)}, {step.changed_pixels} pixels changed, reward {step.reward}"
-        told += [(said(episode, frame - 1), None), (seen, CORRECT if step.reward else MISSED)]
+        counted = f", {step.changed_pixels} pixels changed, reward {step.reward}" if rewards_known(episode) else ""
+        color = (CORRECT if step.reward else MISSED) if counted else None
+        told += [(said(episode, frame - 1), None), (sentence(episode, frame - 1) + counted, color)]
     if frame == len(episode.steps):
         told.append((said(episode, frame), None))
     for words, color in told:
@@ -185,7 +197,7 @@ def sentence(episode: Episode, step: int) -> str:
     """ "pull switch 2 along (+0.0, +1.0, +0.0): lamp 5 changed"; only the action where no boxes are known."""
     done, names = episode.steps[step], object_names(episode.board)
     along = ", ".join(f"{x:+.1f}" for x in DIRECTIONS[done.direction])
-    if not len(visible(episode.image(step))):
+    if not len(visible(episode.image(0))):
         return f"pull at pixel ({done.pixel[0]}, {done.pixel[1]}) along ({along})"
     acted = acted_object(episode, step)
     changed = " and ".join(names[i] for i in changed_objects(episode, step)) or "nothing"

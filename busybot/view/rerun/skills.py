@@ -122,9 +122,8 @@ def log_choice(recording: rr.RecordingStream, episode: Episode, step: int) -> No
     """Everything of the decision for one action; the recording's clock is the caller's."""
     image, size = episode.image(step), 1 / annotations.drawing_scale(episode)
     log_pale(recording, CHOICE, image.rgb)
-    recording.log(
-        f"{CHOICE}/remaining", marks(episode, image.boxes[annotations.remaining_responders(episode, step)], WRONG)
-    )
+    boxes = annotations.known_boxes(episode, image)[annotations.remaining_responders(episode, step)]
+    recording.log(f"{CHOICE}/remaining", marks(episode, boxes, WRONG))
     told = offered(episode, step)
     for name, color in (("proposed", INK), ("repeats", TRIGGER)):
         dots = _dots([one for one in told if (one.step >= 0) == (name == "repeats")])

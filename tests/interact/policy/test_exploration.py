@@ -6,6 +6,7 @@ import numpy as np
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
 from busybot.common.rng import generator
+from busybot.episodes.episode import Observation
 from busybot.interact.policy.direction_pairs import PAIR_OF
 from busybot.interact.policy.exploration import ExplorationConfig, GuidedExplorer, UnguidedExplorer
 from busybot.sim.policy import Action
@@ -85,3 +86,25 @@ def test_only_depth_is_read() -> None:
             policy.observe(action, action.directions[:1], 1, after)
             chosen.append((action, policy.select_action(after, draws)))
         assert chosen[0] == chosen[1]
+
+
+def test_before_a_noisy_camera_too_what_moved_and_what_failed_attract_less() -> None:
+    """No picture repeats itself there."""
+    draws, noise = rng(), np.random.default_rng(0)
+    other = (100, 60, 106, 66)
+
+    def photo(height: float) -> Observation:
+        board = picture((LARGE, BODY), (KNOB, height), (other, BUTTON))
+        rgb = np.clip(board.rgb + noise.normal(0, 12, board.rgb.shape), 0, 255).astype(np.uint8)
+        frayed = board.depth + noise.normal(0, 3e-4, board.depth.shape).astype(np.float32)
+        return replace(board, rgb=rgb, depth=frayed.astype(np.float32))
+
+    policy = GuidedExplorer(ButtonModel(), RAYS, ExplorationConfig(best=1, change=2e-3))
+    policy.select_action(photo(BUTTON), draws)
+    policy.observe(Action((62, 62), (0,)), (0, 17), 1, photo(PRESSED))
+    assert policy._moved is not None and 0 < policy._moved.sum() < 400
+    assert all(within(policy.select_action(photo(PRESSED), draws).pixel, other) for _ in range(10))
+    for _ in range(60):
+        pixel = policy.select_action(photo(PRESSED), draws).pixel
+        policy.observe(Action(pixel, (0,)), (0, 17), 0, photo(PRESSED))
+    assert not within(policy.select_action(photo(PRESSED), draws).pixel, other)

@@ -116,3 +116,13 @@ def _name(factory: LearnedPolicyFactory) -> str:
 def test_an_unknown_model_is_told() -> None:
     with pytest.raises(BusybotError, match="no model of that name"):
         LearnedPolicyFactory("nonsense").provenance()
+
+
+def test_constants_of_the_other_candidates_are_refused() -> None:
+    for overrides, where in (
+        ({"clusters": 3}, "learned.clusters changes nothing in mode evaluate with candidates=peaks"),
+        ({"candidates": "kmeans", "peak_logit": 3.0}, "learned.peak_logit changes nothing .* with candidates=kmeans"),
+    ):
+        with pytest.raises(BusybotError, match=where):
+            LearnedPolicyFactory("procedural", overrides=overrides).provenance()
+    LearnedPolicyFactory("procedural", overrides={"candidates": "kmeans", "clusters": 3}).provenance()

@@ -2,6 +2,7 @@
 
 import shutil
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.camera import Rays
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import PaperPositionNet
 from busybot.interact.affordance.paper import PaperModel
@@ -29,6 +31,7 @@ from busybot.training.checkpoint import save_tensors
 from busybot.training.model_cards import read_info, write_info
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
 from tests.interact.trainings import weights
 
 CONFIG = PaperConfig.model_validate(
@@ -118,6 +121,21 @@ def test_offline_it_repeats_the_training_from_its_own_rounds(trained: Path, reco
     shutil.copytree(recorded, tmp_path / "run" / "rounds")
     training(tmp_path / "run").run()
     assert weights(tmp_path / "run") == weights(trained)
+
+
+def test_where_nothing_can_be_learned_there_is_no_model(tmp_path: Path) -> None:
+    """No step of the only epoch was rewarded."""
+    dataset = make_dataset(tmp_path / "000", boards=1, finished=())
+    episode = make_episode(0, steps=4)
+    unrewarded = [replace(step, reward=0) for step in episode.steps]
+    write_episode(dataset.episode_path(0), replace(episode, steps=unrewarded))
+    dataset.write_tables()
+    (tmp_path / "rounds").mkdir()
+    dataset.path.rename(tmp_path / "rounds" / "000")
+    run = training(tmp_path / "run", tmp_path / "rounds", CONFIG.model_copy(update={"epochs": 1, "random_epochs": 1}))
+    with pytest.raises(BusybotError, match="no recorded action succeeded"):
+        run.run()
+    assert not (tmp_path / "run" / "model").exists()
 
 
 def test_the_model_is_loaded_like_any_other(trained: Path, recorded: Path) -> None:

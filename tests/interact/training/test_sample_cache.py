@@ -17,6 +17,7 @@ from busybot.interact.training.sample_cache import SIDE, SQUARES, cache_samples,
 from busybot.sim.interaction import InteractionConfig
 from busybot.sim.scene.render import RenderConfig
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
 from tests.interact.trainings import permute_privileged
 
 
@@ -118,4 +119,12 @@ def test_a_damaged_cache_is_refused(tmp_path: Path) -> None:
     place = cache_samples(make_dataset(tmp_path / "toys"), tmp_path, "depth")
     (place / SQUARES).write_bytes(b"short")
     with pytest.raises(BusybotError, match="damaged"):
+        open_samples([place], "depth", 10)
+
+
+def test_a_dataset_on_which_nobody_acted_teaches_nothing(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "toys", boards=1, finished=())
+    write_episode(dataset.episode_path(0), make_episode(0, steps=0))
+    place = cache_samples(dataset, tmp_path, "depth")
+    with pytest.raises(BusybotError, match="no recorded action to learn from"):
         open_samples([place], "depth", 10)

@@ -586,3 +586,14 @@ def test_six_responders_of_six_links_are_judged_within_a_second() -> None:
         observer.see(triggers[row], shown[row])
     assert observer.belief().actions == 30
     assert time.process_time() - began < 1
+
+
+@pytest.mark.parametrize("kind", ["toggle", "unreliable"])
+def test_a_mechanism_is_a_world_of_its_own_also_in_the_split_of_new_kinds(kind: str) -> None:
+    library = find("procedural")
+    [spec] = generate_boards(BoardConfig(world=kind, split=NOVEL, boards=1, group_size=1), library)
+    board = Drawn(spec, library)
+    assert board.space.prior.sum(0) == pytest.approx(1)
+    for responder, one in enumerate(board.truth()):
+        meaning = board.space.meaning_of(one)
+        assert meaning >= 0 and board.space.prior[board.space.meanings == meaning, responder].sum() > 0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from busybot.reason.evaluation.prediction import Explanation, explain
+from busybot.reason.evaluation.prediction import Explanation, explain, inferred_over_time
 from busybot.reason.models.base import InferredGraph
 from busybot.reason.models.lookup import Lookup, Persistence
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -73,3 +73,10 @@ def test_of_an_object_whose_box_another_one_has_nothing_is_expected() -> None:
 def test_where_nothing_shows_nothing_is_expected() -> None:
     foreseen = explain(make_real_episode(), Lookup())
     assert not foreseen.judged.any() and not any(len(foreseen.wrong(step)) for step in range(4))
+
+
+def test_what_is_seen_later_counts_unless_it_is_left_out() -> None:
+    episode = make_episode(steps=40)
+    assert len(explain(episode, Lookup()).graph.probabilities) == 40
+    assert len(explain(episode, Lookup(), 23).graph.probabilities) == 22
+    assert len(inferred_over_time(episode, "count").probabilities) == 40

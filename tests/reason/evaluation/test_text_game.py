@@ -1,5 +1,6 @@
 """Boards as games of text: what a program is told, what it may do wrong, and how its claim is judged."""
 
+import hashlib
 import json
 import shlex
 import sys
@@ -18,7 +19,7 @@ from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.play import TextGames, make_work, play_boards, summarised
+from busybot.reason.evaluation.play import TextGames, make_work, play_boards, summarised, told_of
 from busybot.reason.evaluation.text_game import (
     MOST_REFUSED,
     Act,
@@ -280,6 +281,14 @@ def test_a_program_that_says_nothing_at_all_is_an_error(tiny: Path) -> None:
     assert told.returncode == 1 and json.loads(told.stdout)["actions_used"] == 0
     refused = shlex.join([sys.executable, "-c", "while True: input(); print('?', flush=True)"])
     assert busybot("play", tiny, "--agent", refused, "--workers", 1, "--boards", 1).returncode == 0
+
+
+def test_words_of_a_command_that_name_no_file_or_a_huge_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "weights").write_bytes(b"ab")
+    assert told_of(Path("x = 1;" * 100)) is None and told_of(tmp_path) is None
+    assert told_of(tmp_path / "weights") == hashlib.sha256(b"ab").hexdigest()
+    monkeypatch.setattr("busybot.reason.evaluation.play.MAX_HASHED_BYTES", 1)
+    assert str(told_of(tmp_path / "weights")).startswith("2 bytes, changed at ")
 
 
 def test_programs_that_are_not_there_are_named(tiny: Path) -> None:

@@ -178,3 +178,16 @@ def test_as_a_table_for_other_programs(dataset: Dataset, tmp_path: Path) -> None
     for number in (0, 17, len(rows["episode"]) - 1):
         expected = features[rows["episode"][number]][rows["frame"][number], rows["object"][number]]
         np.testing.assert_array_equal(np.array(rows["feature"][number], np.float16), expected)
+
+
+def test_what_was_changed_since_is_computed_again(dataset: Dataset) -> None:
+    features = features_of(dataset, workers=1)
+    [file, *_] = files_of(features)
+    told, damaged = features[0].copy(), bytearray(file.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    file.write_bytes(damaged)
+    with pytest.raises(BusybotError, match="changed since it was written"):
+        features[0]
+    again = features_of(dataset, workers=1)
+    assert again.new == 1
+    np.testing.assert_array_equal(again[0], told)

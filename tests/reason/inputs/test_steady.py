@@ -7,8 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
+from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Image
 from busybot.reason.encoders.registry import make_extractor
+from busybot.reason.inputs import trigger_views
 from busybot.reason.inputs.object_masks import ObjectMasks
 from busybot.reason.inputs.observation import NO_BOXES, ObservedEpisode
 from busybot.reason.inputs.steady import Steady, _as_bright, steadied
@@ -177,3 +179,12 @@ def test_the_median_of_what_was_seen_is_numpys(pictures: int) -> None:
     told = median_of_seen(looks)
     assert told.dtype == expected.dtype and np.isnan(told[:2]).all()
     np.testing.assert_array_equal(told, expected)
+
+
+def test_frames_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept of each frame is bounded, whatever a file says."""
+    noisy = unsteady(played(MOVES)[0], shake=0)
+    observe_links(noisy)
+    monkeypatch.setattr(trigger_views, "MAX_WATCHED_PIXELS", 1000)
+    with pytest.raises(BusybotError, match="frames before a camera that is not still.*at most 1,000"):
+        observe_links(noisy)

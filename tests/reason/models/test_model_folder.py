@@ -74,7 +74,13 @@ def test_a_description_that_is_no_json(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("config", "expected"),
-    [({"world": "gates"}, "mechanism"), ({"world": "paper"}, "event"), ({"world": "kitchen"}, "event"), ({}, "event")],
+    [
+        ({"world": "gates"}, "mechanism"),
+        ({"world": "toggle"}, "mechanism"),
+        ({"world": "paper"}, "event"),
+        ({"world": "kitchen"}, "event"),
+        ({}, "event"),
+    ],
 )
 def test_the_usual_reasoner_knows_the_mechanisms_of_the_boards(config: dict[str, str], expected: str) -> None:
     info = SimpleNamespace(generator=SimpleNamespace(config=config))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from busybot.common.text import unlinked
 from busybot.view.report.page import (
     Block,
     Entry,
@@ -122,3 +123,10 @@ def test_intervals_over_objects_stand_in_square_brackets() -> None:
     only = InteractResult.model_validate(result | {"intervals": {}})
     assert (found := score_of(only, "precision")) is not None and not found.spread and found.objects is None
     assert Score(90.0, objects=(50.0, 99.5)).spread == "[50.0-99.5]"
+
+
+def test_text_of_results_is_one_line_without_links() -> None:
+    text = "p\n\n# heading\n![x][y]\n[y]: https://example.org [a](b)"
+    assert unlinked({text: [text]}) == {
+        one: [one] for one in ["p # heading ![x] [y] [y] : https://example.org [a] (b)"]
+    }

@@ -185,3 +185,25 @@ def test_a_damaged_result_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text(json.dumps(reasoned(discovery="none")))
     with pytest.raises(BusybotError, match=r"a\.json: discovery: "):
         read_results([tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("value", "place"),
+    [
+        ({"kind": "worlds", "rows": {"x": []}}, "rows.x"),
+        ({"kind": "worlds", "rows": [1]}, "rows"),
+        ({"kind": "world-gates", "rows": {"x": [1]}}, "rows.x"),
+    ],
+)
+def test_rows_of_another_shape_are_named(tmp_path: Path, value: dict[str, Any], place: str) -> None:
+    (tmp_path / "a.json").write_text(json.dumps(value))
+    with pytest.raises(BusybotError, match=rf"a\.json: {place}: "):
+        read_results([tmp_path])
+
+
+def test_numbers_of_actions_are_decimals_and_kinds_are_words(tmp_path: Path) -> None:
+    point = {"parent_f1": 0.5, "link_parent_f1": 0.5}
+    gate = {"boards": 3, "after": {"22": point, "\u00b2": point, "9" * 5000: point}}
+    gates = {"kind": "world-gates", "rows": {"gates": {"novel-object": {"mechanism": gate}}}}
+    told = report(tmp_path / "r", gates=gates, strange={"kind": ["worlds"]})
+    assert "mechanism" in told

@@ -9,6 +9,7 @@ import pytest
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
+from busybot.boards.spec import LinkRef
 from busybot.boards.task import goal_responders
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
@@ -143,6 +144,21 @@ def test_states_pair_each_cause_with_its_effect() -> None:
                 states[f"relation_{relation:02d}/cause_{cause}"] == states[f"relation_{relation:02d}/effect_{effect}"]
             )
     assert relation_states(make_real_episode(), 1) == {}
+
+
+def test_names_of_links_are_parts_of_paths_whatever_they_are(tmp_path: Path) -> None:
+    episode = make_episode(steps=3)
+    links = tuple(replace(one, name=f"{one.name} (left)") if one.trigger else one for one in episode.links)
+    wired = tuple(
+        one.model_copy(
+            update={"triggers": tuple(LinkRef(object=t.object, link=f"{t.link} (left)") for t in one.triggers)}
+        )
+        for one in episode.board.relations
+    )
+    episode = replace(episode, links=links, board=episode.board.model_copy(update={"relations": wired}))
+    path = tmp_path / "e.rrd"
+    save_rrd(path, episode)
+    assert sum(name.endswith("left\\)") for name in entities(path) if name.startswith("/states/relation_00/")) == 1
 
 
 def test_a_step_in_words() -> None:

@@ -195,7 +195,7 @@ class ObservedOutcome:
     Attributes:
         look: (R, Q, L + 1), how far the look after the step lies from every look seen before the Q steps.
         moved: (R, Q), and from the look before the step.
-        real: bool (B, Q), False for steps that only fill up.
+        real: bool (R, Q), False for steps that only fill up, or of which was not seen what they did to the responder.
     """
 
     look: Tensor
@@ -228,7 +228,7 @@ def split(seen: Context, steps: int, most: int) -> tuple[Context, Queries, Obser
     return (
         seen.first(steps),
         asked,
-        ObservedOutcome(seen.distances[:, after, : steps + 1], moved, seen.known[:, before]),
+        ObservedOutcome(seen.distances[:, after, : steps + 1], moved, seen.told[:, before]),
     )
 
 

@@ -38,7 +38,7 @@ def loss_of(
     """
     log_edges, log_none = net.log_edges(seen)
     controlled, idle = log_likelihoods(net.effects(seen, asked), outcome, config)  # (R, Q) each
-    real = outcome.real[seen.board]
+    real = outcome.real
     trigger, row = seen.edge_index
     on = (asked.acted[seen.board[row]] == trigger[:, None]) & real[row]  # (E, Q)
     gain = ((controlled - idle)[row] * on).sum(1)
@@ -162,10 +162,11 @@ class EventLearner(Learner):
             if steps < 1:  # nothing is known before the first step
                 continue
             seen, asked, outcome = split(everything, steps, self.config.questions)
-            answers = float(outcome.real[seen.board].sum())
+            answers = float(outcome.real.sum())
             surprise = float(loss_of(self.network, seen, asked, outcome, self.config.loss)[1])
             right, changed = _right(self.network, seen, asked, outcome, self.config.loss.blur)
-            counts = (outcome.real, right & outcome.real, changed, right & changed)
+            real = scatter(outcome.real.float(), seen.board, dim_size=len(right), reduce="max") > 0
+            counts = (real, right & real, changed, right & changed)
             totals += [surprise * answers, answers, *(float(count.sum()) for count in counts)]
         surprise, answers, judged, right_steps, changes, right_changes = totals.tolist()
         if not judged:
@@ -184,14 +185,14 @@ def _noisy(seen: Context, most: float, rng: np.random.Generator) -> Context:
 def _right(
     network: EventNet, seen: Context, asked: Queries, outcome: ObservedOutcome, blur: float
 ) -> tuple[Tensor, Tensor]:
-    """Whether all responders of a board look as predicted, and whether any changed, bool (B, Q)."""
+    """Whether all responders of a board that were seen look as predicted, and whether any changed, bool (B, Q)."""
     frame = likeliest_frames(network, seen, asked, blur)
     copied = outcome.look.gather(2, frame.clamp(min=0).unsqueeze(-1))[..., 0]
     error = torch.where(frame >= 0, copied, outcome.moved)
     boards = len(seen.actions)
-    worst = scatter(error, seen.board, dim_size=boards, reduce="max")
-    moved = scatter(outcome.moved, seen.board, dim_size=boards, reduce="max")
-    return worst < 1, (moved > 1) & outcome.real
+    worst = scatter(error * outcome.real, seen.board, dim_size=boards, reduce="max")
+    moved = scatter(outcome.moved * outcome.real, seen.board, dim_size=boards, reduce="max")
+    return worst < 1, moved > 1
 
 
 def smallest_change(boards: Iterable[HeteroData]) -> float:

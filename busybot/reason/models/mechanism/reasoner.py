@@ -148,6 +148,7 @@ class _Understood:
                 likely[responder, row] = told
         if at is not None:
             same = (contexts == self.found.contexts[at]) & (~self.found.own | (before == shown[at - 1])[:, None])
+            same &= self.trace.seen[at][:, None]  # what happened behind a hand, nobody knows
             likely = np.where(same[..., None], np.eye(STATES)[shown[at]][:, None], likely)
             likely = np.where(self._failed(at, of)[..., None], stays, likely)
         there = np.arange(STATES) <= shown.max(0)[:, None]
@@ -168,7 +169,8 @@ class _Understood:
         before, after = self.trace.responders[action - 1 : action + 1]
         going, _ = goals(self.trace, self.found, self.found.contexts[action], of)
         told = np.zeros(self.shares.shape, bool)
-        told[:, self._lucky] = (going.argmax(-1) != after[:, None]) & (after == before)[:, None]
+        seen = self.trace.seen[action - 1] & self.trace.seen[action]
+        told[:, self._lucky] = (going.argmax(-1) != after[:, None]) & (seen & (after == before))[:, None]
         return told
 
     def _completed(self, responder: int, row: int, of: np.ndarray) -> dict[int, np.ndarray]:

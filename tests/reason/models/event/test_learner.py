@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ import torch
 from torch import Tensor
 
 from busybot.common.errors import BusybotError
+from busybot.reason.inputs.board_dataset import batches_of
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.event.config import EventConfig, EventNetConfig, LossConfig
-from busybot.reason.models.event.data import board_graph
-from busybot.reason.models.event.learner import EventLearner, smallest_change
+from busybot.reason.models.event.data import board_graph, context_of, split
+from busybot.reason.models.event.learner import EventLearner, loss_of, smallest_change
 from busybot.reason.models.event.networks import EventReasoner
 from busybot.training.loop import LoopConfig, fit
 from tests.reason.boards import make_boards
@@ -180,3 +182,21 @@ def test_edges_of_the_prior_diverge_by_nothing() -> None:
     assert apart > 1e-4
     alone = divergence(torch.full((3,), prior).log(), torch.zeros(2), row, prior, exclusive=False)
     assert alone == pytest.approx(0, abs=1e-6)
+
+
+def test_what_nobody_saw_of_a_responder_is_no_answer() -> None:
+    """Its steps count neither in the loss nor in what is right; those of the others do."""
+    one = learner()
+    [batch] = list(batches_of([board_graph(board.seen) for board in make_boards(2)], [[0, 1]]))
+    seen = context_of(batch, one.network.scale)
+    shown = seen.shown.clone()
+    shown[0, 10:] = False
+    covered = replace(seen, shown=shown)
+    real, usual = (split(each, 10, 8)[2].real for each in (covered, seen))
+    assert not real[0].any() and usual[0].any() and torch.equal(real[1:], usual[1:])
+    far = covered.distances.clone()
+    far[0, 11:] += 5
+    far[0, :, 11:] += 5
+    other = replace(covered, distances=far)
+    losses = [loss_of(one.network, *split(each, 10, 8), SMALL.loss)[1] for each in (covered, other, seen)]
+    assert torch.equal(losses[0], losses[1]) and not torch.equal(losses[0], losses[2])

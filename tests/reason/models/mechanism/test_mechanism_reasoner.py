@@ -251,6 +251,22 @@ def test_what_might_have_been_has_the_luck_of_what_was(watched: BoardSequence) -
     np.testing.assert_allclose(after[:, 4], features[[0] * 4, 4], atol=1e-5)
 
 
+def test_what_happened_while_something_hid_a_responder_is_not_taken_for_what_was_seen(watched: BoardSequence) -> None:
+    """The lamp is the exclusive or of two switches; while it was hidden it seems to stay as it was."""
+    reasoner = MechanismReasoner(Right(), "embedded")
+    known = reasoner._understand(watched)
+    at = 1 + int(np.flatnonzero(known.trace.responders[1:, 0] != known.trace.responders[:-1, 0])[-1])
+    hidden = np.zeros(known.trace.responders.shape, bool)
+    hidden[at, 0] = True
+    stale = known.trace.responders.copy()
+    stale[at, 0] = stale[at - 1, 0]
+    behind = replace(
+        known, perceived=replace(known.perceived, trace=replace(known.trace, responders=stale, hidden=hidden))
+    )
+    contexts, before = known.found.contexts[at], known.trace.responders[at - 1]
+    assert behind.following(contexts, before, at)[0] == known.trace.responders[at, 0] != stale[at, 0]
+
+
 def test_before_anything_was_done_all_pairs_are_alike(watched: BoardSequence) -> None:
     torch.manual_seed(0)
     reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")

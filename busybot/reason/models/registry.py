@@ -74,11 +74,9 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
         from busybot.reason.models.mechanism.config import MechanismConfig
         from busybot.reason.models.mechanism.networks import MechanismNet
         from busybot.reason.models.mechanism.reasoner import MechanismReasoner
-        from busybot.reason.models.mechanism.unseen import of_now
 
         mechanism = MechanismConfig.model_validate(info.config)
-        known = network_with(lambda: MechanismNet(mechanism.net), of_now(tensors), file)
-        return MechanismReasoner(known, info.encoder)
+        return MechanismReasoner(network_with(lambda: MechanismNet(mechanism.net), tensors, file), info.encoder)
     from busybot.reason.models.paper.config import PaperReasonConfig
     from busybot.reason.models.paper.networks import PaperReasoner, network_of
     from busybot.training.device import device

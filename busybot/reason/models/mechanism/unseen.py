@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import binary_cross_entropy, pad
+from torch.nn.functional import binary_cross_entropy
 
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.models.mechanism.contexts import Trace
@@ -114,12 +114,12 @@ class Unseen(nn.Module):
     def __init__(self, worlds: int):
         super().__init__()
         self.weight = nn.Parameter(torch.zeros(SEVERAL + 1, FACTS))
-        self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1, FACTS))  # by how much it is more in each
+        self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1))
 
     def forward(self, pairs: Pairs, world: int) -> Tensor:
         """See above."""
-        weight = self.weight[pairs.kinds] + self.world[pairs.kinds, world]
-        return self._any(pairs.believed, torch.einsum("korf,of->kor", pairs.facts, weight))
+        facts = torch.einsum("korf,of->kor", pairs.facts, self.weight[pairs.kinds])
+        return self._any(pairs.believed, facts + self.world[pairs.kinds, world][:, None])
 
     @staticmethod
     def _any(believed: Tensor, logits: Tensor) -> Tensor:
@@ -147,7 +147,7 @@ class Unseen(nn.Module):
 
         def loss() -> Tensor:
             descent.zero_grad()
-            told = self._any(believed, (facts * (self.weight[kinds] + self.world[kinds, worlds])).sum(-1))
+            told = self._any(believed, (facts * self.weight[kinds]).sum(-1) + self.world[kinds, worlds])
             lost = binary_cross_entropy(told.clamp(TINY, 1 - TINY), right.float())
             total = lost + DECAY * sum((one**2).sum() for one in self.parameters())
             total.backward()
@@ -155,14 +155,6 @@ class Unseen(nn.Module):
 
         descent.step(loss)
         return float(loss().detach())
-
-
-def of_now(tensors: dict[str, Tensor]) -> dict[str, Tensor]:
-    """A network's weights as it takes them now: those of before knew of each world only how much more is unseen at all,
-    whatever the facts. The first fact is always 1."""
-    name = "unseen.world"
-    known = tensors.get(name)
-    return tensors if known is None or known.ndim != 2 else tensors | {name: pad(known[..., None], (0, FACTS - 1))}
 
 
 def _so_far(happened: np.ndarray) -> np.ndarray:

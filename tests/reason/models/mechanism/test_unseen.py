@@ -22,7 +22,7 @@ from busybot.reason.models.mechanism.training.labelled import (
     true_triggers,
 )
 from busybot.reason.models.mechanism.training.learner import MechanismLearner
-from busybot.reason.models.mechanism.unseen import FACTS, SEVERAL, Pairs, Touched, Unseen, of_now
+from busybot.reason.models.mechanism.unseen import FACTS, SEVERAL, Pairs, Touched, Unseen
 
 ACTIONS = 6
 
@@ -85,35 +85,6 @@ def test_it_learns_how_often_triggers_decide_of_which_nothing_is_known() -> None
     assert told[0] == pytest.approx([0.5, 0.3], abs=0.06) and told[1] == pytest.approx([0.9, 0.3], abs=0.06)
     again = Unseen(2)
     assert again.learn(boards, true) == loss and torch.equal(again.weight, net.weight)
-
-
-def test_what_a_fact_tells_depends_on_the_world() -> None:
-    """In the first world a responder that changed is more often decided by what nobody saw, in the second less."""
-    rng, boards, true = np.random.default_rng(0), [], []
-    for number in range(600):
-        world, kinds = number % 2 + 1, torch.tensor([0])
-        facts = torch.zeros(1, 1, 4, FACTS)
-        facts[..., 0], facts[..., 2:, 2] = 1, 1
-        boards.append((Pairs(torch.zeros(1, 1, 4), facts, kinds), world))
-        often = [0.2, 0.2, 0.7, 0.7] if world == 1 else [0.6, 0.6, 0.1, 0.1]
-        true.append(rng.random((1, 1, 4)) < often)
-    net = Unseen(2)
-    net.learn(boards, true)
-    told = [net(pairs, world)[0, 0, 1:3].tolist() for pairs, world in boards[:2]]
-    assert told[0] == pytest.approx([0.2, 0.7], abs=0.06) and told[1] == pytest.approx([0.6, 0.1], abs=0.06)
-
-
-def test_weights_of_before_say_what_they_said(touched: Touched) -> None:
-    """They knew one number of each world."""
-    shares = np.tile(np.array([[0.4, 0.3, 0.2, 0.1], [1, 0, 0, 0]])[..., None], 2)
-    pairs, rng = touched.pairs([1, 6], shares, INPUTS), torch.Generator().manual_seed(0)
-    weight, world = torch.randn(SEVERAL + 1, FACTS, generator=rng), torch.randn(SEVERAL + 1, 2, generator=rng)
-    now = of_now({"unseen.weight": weight, "unseen.world": world, "other": weight})
-    assert of_now(now) is now and now["other"] is weight
-    net = Unseen(1)
-    net.load_state_dict({name: now[f"unseen.{name}"] for name in ("weight", "world")})
-    logits = torch.einsum("korf,of->kor", pairs.facts, weight[pairs.kinds]) + world[pairs.kinds, 1][:, None]
-    assert torch.allclose(net(pairs, 1), net._any(pairs.believed, logits))
 
 
 def test_the_truth_tells_which_triggers_decide_whatever_the_link() -> None:

@@ -92,7 +92,9 @@ def test_features_of_other_pictures_are_computed_again(dataset: Dataset, tmp_pat
     damaged[-3000] ^= 1
     first.write_bytes(damaged)
     with pytest.raises(BusybotError, match="changed since it was written"):
-        features_of(dataset, workers=1)[0]
+        again[0]
+    again = features_of(dataset, workers=1)
+    assert again.new == 1 and np.array_equal(again[0], expected)
 
 
 @pytest.mark.long

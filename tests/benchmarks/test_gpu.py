@@ -281,8 +281,8 @@ def test_a_run_of_another_pack_is_refused(tmp_path: Path) -> None:
 
 FEW = """
 epochs: 3
-boards: 2
-steps: 5
+boards: 4
+steps: 10
 random_epochs: 1
 all_directions_epochs: 2
 joint_epochs: 2
@@ -290,7 +290,7 @@ position: {batch: 2, iterations: 2}
 direction: {batch: 2, iterations: 2}
 threads: 1
 render: {width: 160, height: 120}
-interaction: {delta: 30}
+interaction: {delta: 10}
 """
 
 

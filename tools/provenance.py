@@ -88,12 +88,9 @@ def _of_earlier_weights() -> Iterator[tuple[str, list[str]]]:
     folders = {path.name: path for place in MODELS for path in sorted((HERE.parent / place).iterdir()) if path.is_dir()}
     kept = {name: _weights(file_hashes(folder)) for name, folder in folders.items()}
     found: dict[str, list[str]] = {}
-    for file in sorted(tables.RESULTS.rglob("*.json")):
-        told = dict.fromkeys(
-            name for name, of in _named(json.loads(file.read_text(encoding="utf-8"))) if of != kept.get(name, of)
-        )
-        for name in told:
-            found.setdefault(name, []).append(f"`{file.relative_to(tables.RESULTS).with_suffix('').as_posix()}`")
+    for result, told in _results():
+        for name in dict.fromkeys(name for name, of in _named(told) if of != kept.get(name, of)):
+            found.setdefault(name, []).append(f"`{result}`")
     yield from sorted(found.items())
 
 
@@ -117,11 +114,17 @@ def _named(value: Any) -> Iterator[tuple[str, dict[str, str]]]:
 def faults() -> dict[str, str]:
     """What is not known of a result's making, by the file's name; those of which all is known are left out."""
     found, history = {}, _history()
-    for file in sorted(tables.RESULTS.rglob("*.json")):
-        if why := _fault(json.loads(file.read_text(encoding="utf-8")), history):
-            found[file.relative_to(tables.RESULTS).with_suffix("").as_posix()] = why
+    for name, told in _results():
+        if why := _fault(told, history):
+            found[name] = why
     absent = dict.fromkeys(KNOWN.get(ABSENT, ()), ABSENT) if history is None else {}  # nobody can tell: as it was told
     return absent | found
+
+
+def _results() -> Iterator[tuple[str, dict[str, Any]]]:
+    """The name of each result's file, and its content."""
+    for file in sorted(tables.RESULTS.rglob("*.json")):
+        yield file.relative_to(tables.RESULTS).with_suffix("").as_posix(), json.loads(file.read_text(encoding="utf-8"))
 
 
 def _history() -> set[str] | None:

@@ -190,12 +190,11 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--config", type=Path, help="YAML file with parameters of every training")
     arguments = options.parse_args(words)
     about = {"assets": runner.assets_name(arguments.assets), "judge_seed": arguments.judge_seed}
-    rows = runner.told_rows(arguments.out, "table1")
-    if rows and any(read_result(arguments.out, "table1").get(name) != value for name, value in about.items()):
-        raise UsageError(
-            f"{arguments.out}: its rows are of other objects, or judged on other boards", "name another file"
-        )
-    result: dict[str, Any] = {**about, "rows": rows}
+    before = read_result(arguments.out, "table1") if arguments.out.exists() else {**about, "rows": {}}
+    if any(before.get(name) != value for name, value in about.items()):
+        what = "its rows are of other objects, or judged on other boards"
+        raise UsageError(f"{arguments.out}: {what}", "name another file")
+    result: dict[str, Any] = {**about, "rows": dict(before["rows"])}
     names = runner.chosen(arguments.rows, ROWS)
     for name in names:
         result["rows"][name] = run(name, arguments)

@@ -141,8 +141,12 @@ def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redr
         redraws.update(counted)
         yield from boards[: config.boards - first]
         return
+    raise _none_fits(config, group, counted)
+
+
+def _none_fits(config: BoardConfig, group: int, counted: Redraws) -> BusybotError:
     draws = sum(counted[reason] for reason in REASONS)
-    raise BusybotError(
+    return BusybotError(
         f"no board of group {group} fits the configuration after {draws} draws: "
         f"{counted['too_many']} had more than {config.max_objects} objects, "
         f"{counted['kinds']} lacked the asked kinds or numbers of triggers, {counted['overlap']} found no free place, "

@@ -83,7 +83,8 @@ def board_bounds(episode: Episode, margin: float) -> tuple[np.ndarray, np.ndarra
     camera, half = episode.camera, np.array(episode.board.size) / 2
     corners = np.array([[x, y, 0] for x in (-half[0], half[0]) for y in (-half[1], half[1])])
     pixels, border = project(corners, camera)[0], margin / drawing_scale(episode)
-    if episode.settings.get(IMPORTED, {}).get("camera") == "image":  # nobody knows where in the picture the board ends
+    imported = episode.settings.get(IMPORTED)
+    if isinstance(imported, dict) and imported.get("camera") == "image":  # nobody knows where the board ends there
         pixels = np.array([[0, 0], [camera.width, camera.height]], float)
     return np.maximum(pixels.min(0) - border, 0), np.minimum(pixels.max(0) + border, [camera.width, camera.height])
 
@@ -152,8 +153,12 @@ def remaining_responders(episode: Episode, frame: int) -> list[int]:
 
 def unlike_objects(episode: Episode, before: Image, after: Image) -> list[int]:
     """Objects that look different in two images of the board, by pixels alone; not by what a camera or light adds."""
-    difference, found = _difference(episode, before, after), []
-    least = CHANGED_IN_PHOTOS if is_noisy(before.rgb, after.rgb) else CHANGED_PIXELS
+    if is_noisy(before.rgb, after.rgb):
+        difference, least = _photos_differ(episode, before, after), CHANGED_IN_PHOTOS
+    else:
+        difference = np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE
+        least = CHANGED_PIXELS
+    found = []
     for index in _of_boxes(known_boxes(episode, after)):
         own = difference & (_pixels_of(episode, before, index) | _pixels_of(episode, after, index))
         if int(own.sum()) > least:
@@ -161,13 +166,12 @@ def unlike_objects(episode: Episode, before: Image, after: Image) -> list[int]:
     return found
 
 
-def _difference(episode: Episode, before: Image, after: Image) -> np.ndarray:
-    """Pixels that differ, bool (H, W)."""
-    if not is_noisy(before.rgb, after.rgb):
-        return np.asarray(np.abs(before.rgb.astype(np.int16) - after.rgb).max(-1) > CHANGED_TOLERANCE)
+def _photos_differ(episode: Episode, before: Image, after: Image) -> np.ndarray:
+    """Pixels that differ by more than camera and light explain, and that nothing hides where depth tells that, bool
+    (H, W)."""
     first = episode.image(0)
     if before.depth is None or after.depth is None or first.depth is None:
-        return np.asarray(in_pixels(changed_squares(before.rgb, after.rgb), before.rgb.shape[:2]))
+        return in_pixels(changed_squares(before.rgb, after.rgb), before.rgb.shape[:2])
     one, other = (image.observation(episode.camera) for image in (before, after))
     return looks_otherwise(one, other, least_depth(first.depth))
 

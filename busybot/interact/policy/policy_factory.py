@@ -81,13 +81,12 @@ class LearnedPolicyFactory:
         """
         info = card_of(self.model)
         config = policy_config(info, self.overrides)
-        unread, where = _NOT_READ[self.mode] | _OF_OTHER_CANDIDATES[config.candidates], f"in mode {self.mode}"
+        unread, where = _NOT_READ[self.mode], f"in mode {self.mode}"
         if self._acts_as_paper(info):
             unread = frozenset(PolicyConfig.model_fields) - _READ_AS_PAPER[self.mode]
             where += " of the paper's model"
-        elif not _NOT_READ[self.mode] & self.overrides.keys():
-            where += f" with candidates={config.candidates}"
         _refuse_unread(self.overrides, unread, where)
+        _refuse_other_candidates(self.overrides, config, f"{where} ")
         return config
 
     def _acts_as_paper(self, info: AffordanceInfo) -> bool:
@@ -164,7 +163,13 @@ def candidates_config(info: AffordanceInfo, overrides: dict[str, Any]) -> Policy
     """
     config = policy_config(info, overrides)
     _refuse_unread(overrides, _OF_CHOOSING, "where somebody else chooses among the candidates")
+    _refuse_other_candidates(overrides, config)
     return config
+
+
+def _refuse_other_candidates(overrides: dict[str, Any], config: PolicyConfig, where: str = "") -> None:
+    unread = _OF_OTHER_CANDIDATES[config.candidates]
+    _refuse_unread(overrides, unread, f"{where}with candidates={config.candidates}")
 
 
 def _refuse_unread(overrides: dict[str, Any], unread: frozenset[str], where: str) -> None:

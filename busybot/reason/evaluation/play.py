@@ -121,8 +121,10 @@ def told_of(place: Path) -> str | None:
         about = place.stat() if place.is_file() else None
     except OSError:  # such as a piece of a program, longer than names are
         return None
-    if about is None or about.st_size <= MAX_HASHED_BYTES:
-        return None if about is None else sha256_of(place)
+    if about is None:
+        return None
+    if about.st_size <= MAX_HASHED_BYTES:
+        return sha256_of(place)
     return f"{about.st_size} bytes, changed at {about.st_mtime_ns} ns"
 
 

@@ -25,7 +25,7 @@ from busybot.episodes.episode import Camera
 from busybot.reason.inputs.link_tracking import lasts, tracked
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects, actions_of, pushes_of
 from busybot.reason.inputs.steady import pictures_of, steadied, still_pictures
-from busybot.reason.inputs.trigger_views import Move, StillTriggers, UnsteadyTriggers, View
+from busybot.reason.inputs.trigger_views import Move, StillTriggers, UnsteadyTriggers, View, refuse_too_many
 
 STATES = 3
 """A link has so many at most."""
@@ -163,6 +163,7 @@ class LinkWatch:
 
     @cached_property
     def _unsteady(self) -> UnsteadyTriggers:
+        refuse_too_many(self._observed)
         return UnsteadyTriggers(self._calm or steadied(self._observed))
 
     @cached_property

@@ -143,9 +143,7 @@ class UnsteadyTriggers:
     """The triggers that the first frame shows, in all pictures of a recording that was steadied, looked at once."""
 
     def __init__(self, observed: ObservedEpisode):
-        pixels = ObjectMasks(observed)
-        _refuse_too_many(observed, pixels)
-        frames = [observed.frame(k) for k in range(len(observed.image_of))]
+        pixels, frames = ObjectMasks(observed), [observed.frame(k) for k in range(len(observed.image_of))]
         self._deep = np.array([frame.depth is not None for frame in frames])
         self._own, self._looks = dict[int, np.ndarray](), dict[int, np.ndarray]()
         for trigger in (int(one) for one in observed.triggers if one in pixels.regions):
@@ -175,10 +173,11 @@ class UnsteadyTriggers:
         return self._latest[1]
 
 
-def _refuse_too_many(observed: ObservedEpisode, pixels: ObjectMasks) -> None:
-    """What is kept of each frame would not fit into memory."""
-    areas = [pixels.regions[one].mine.size for one in map(int, observed.triggers) if one in pixels.regions]
-    if (asked := sum(areas) * len(observed.image_of)) > MAX_WATCHED_PIXELS:
+def refuse_too_many(observed: ObservedEpisode) -> None:
+    """Refuse a recording, as it was read, of which `UnsteadyTriggers` would keep more than fits into memory."""
+    boxes = observed.boxes[observed.triggers].astype(int)
+    area = int((boxes[:, 2:] - boxes[:, :2]).clip(min=0).prod(axis=1).sum())
+    if (asked := area * len(observed.image_of)) > MAX_WATCHED_PIXELS:
         what = f"{getattr(observed.images, 'where', 'a recording')}: {len(observed.image_of)} frames before a camera "
         what += f"that is not still, in which boxes of triggers have {asked:,} pixels, at most {MAX_WATCHED_PIXELS:,}"
         raise BusybotError(what, "make shorter recordings, or smaller pictures (`import --width`)")

@@ -138,6 +138,18 @@ def moments_of(graph: HeteroData, moments: Tensor) -> HeteroData:
     return chosen
 
 
+def forbid(graph: HeteroData, hidden: Tensor) -> None:
+    """Take all explanations that read any of these inputs out of what is possible, in one board's graph or a batch.
+
+    Args:
+        hidden: bool (I, K), at which moments; or (I, 1), at all.
+    """
+    source, target = graph["explanation", "reads", "candidate"].edge_index
+    read, node = graph["candidate", "is", "input"].edge_index[1][target], graph["explanation"]
+    reads = scatter(hidden[read].float(), source, dim_size=node.num_nodes, reduce="max") > 0
+    node.possible = node.possible & ~reads
+
+
 @lru_cache(maxsize=64)
 def _structure(links: int, responders: int) -> dict[Any, dict[str, Any]]:
     """What the graphs of boards with so many links and responders have in common; they share its tensors."""

@@ -22,9 +22,9 @@ from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
 from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import Blur
-from busybot.reason.models.mechanism.contexts import Trace, layout
+from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
-from busybot.reason.models.mechanism.networks import BoardFacts, explanation_graph, moments_of
+from busybot.reason.models.mechanism.networks import BoardFacts, explanation_graph, forbid, moments_of
 from busybot.reason.models.mechanism.perception import Perceived
 from busybot.reason.models.mechanism.rising import FORM, forms_of
 from busybot.reason.models.mechanism.training.pictured import STILL, pictured, way_round
@@ -100,7 +100,7 @@ class LabelledTrace:
         steps = np.maximum(np.asarray(after) - 1, 0)
         told, moved = BoardFacts(world, self.rising, self.unsteady), self._moved(after)
         graph = explanation_graph(self.trace, after, told, parents=self.parents[steps] & moved[..., None])
-        self._as_if_ended(graph, moved)
+        forbid(graph, torch.from_numpy(~moved.T))
         graph["responder"].changed = torch.from_numpy(self.changed[steps].T.copy())
         return graph
 
@@ -110,22 +110,15 @@ class LabelledTrace:
         logs = SCALE * graph["explanation"].evidence[..., EITHER]
         graph["explanation"].later = logs[:, -1:] - logs
         graph = moments_of(graph, torch.arange(len(after)))
-        self._as_if_ended(graph, self._moved(after))
+        forbid(graph, torch.from_numpy(~self._moved(after).T))
         return graph
 
     def _moved(self, after: Sequence[int]) -> np.ndarray:
         """bool (K, I), inputs that a recording knows that ends after so many actions each: responders, and links that
-        have moved by then."""
+        have moved by then. Others must explain nothing yet: while they are there, what no known link explains is
+        theirs; where a recording ends before they move, it must not seem to be a known one's for that."""
         links = np.cumsum(self.trace.links != self.trace.links[0], axis=0)[np.asarray(after)] > 0
         return np.pad(links, ((0, 0), (0, self.trace.responders.shape[1])), constant_values=True)
-
-    def _as_if_ended(self, graph: HeteroData, moved: np.ndarray) -> None:
-        """Explanations that read links of which nobody knows yet are taken out of a graph. While those are there, what
-        no known link explains is theirs; where a recording ends before they move, it must not seem to be a known one's
-        for that."""
-        node, (links, responders) = graph["explanation"], (self.trace.links.shape[1], self.trace.responders.shape[1])
-        unknown = torch.from_numpy(layout(links, responders).inputs @ ~moved.T)  # (H, K)
-        node.possible = node.possible & ~unknown.repeat(responders, 1)
 
 
 WORKS = 0.97

@@ -23,7 +23,7 @@ from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards, batches_of, in_turn
 from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import MechanismConfig
-from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, moments_of, world_number
+from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, forbid, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
 from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 from busybot.reason.models.mechanism.training.known_links import KnownLinks
@@ -81,11 +81,7 @@ def _surprise(logs: Tensor, owner: Tensor) -> Tensor:
 def mask_links(graph: HeteroData, share: float, rng: np.random.Generator) -> None:
     """Take all explanations that read any of so many of a batch's links, which are drawn, out of what is possible."""
     hidden = torch.from_numpy(rng.random(graph["input"].num_nodes) < share) & graph["input"].link
-    source, target = graph["explanation", "reads", "candidate"].edge_index
-    read = graph["candidate", "is", "input"].edge_index[1][target]
-    masked = torch.zeros(graph["explanation"].num_nodes, dtype=torch.bool)
-    masked[source[hidden[read]]] = True
-    graph["explanation"].possible = graph["explanation"].possible & ~masked[:, None]
+    forbid(graph, hidden[:, None])
 
 
 @dataclass(frozen=True)

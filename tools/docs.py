@@ -84,6 +84,7 @@ PAGES: dict[str, dict[str, Part]] = {
     "docs/results/worlds.md": {
         "gates-glance": gate_tables.gates_glance,
         "world-gates": gate_tables.world_gates,
+        "gates-missed": gate_tables.gates_missed,
         "curious-gates": gate_tables.curious_gates,
         "further-gates": gate_tables.further_gates,
     },

@@ -20,17 +20,58 @@ _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 
 def gates_glance() -> str:
     """How many of the seeds' gates hold, by world, by who acted, and by what is asked."""
-    learned, curious, lines = _judged(), _judged_curious(), []
-    for world in dict.fromkeys(world for world, _ in learned):
-        for split, told, words in (
-            ("novel-object", learned, "new objects, learned"),
-            ("novel-object", curious, "new objects, curious"),
-            ("novel-mechanism", learned, "new kinds, learned"),
-            ("novel-mechanism", curious, "new kinds, curious"),
-        ):
-            if seeds := told.get((world, split)):
-                lines.append((f"{world}: {words}", _held(world, split, seeds)))
+    lines = [
+        (f"{world}: {words}", _held(world, split, seeds))
+        for (world, words), (split, seeds) in _test_sets().items()
+        if split != "novel-config"
+    ]
     return markdown([plain_grid(ABOUT, lines, "gates that hold")])
+
+
+def gates_missed() -> str:
+    """By how much gates are missed on test sets by seeds that miss them, and why where evaluations tell it."""
+    told = _test_sets()
+    places = [words for words in PLACES if any(words == one for _, one in told)]
+    lines = []
+    for world in dict.fromkeys(world for world, _ in told):
+        sets = {words: told[world, words] for words in places if (world, words) in told}
+        for about in ABOUT:
+            short = {words: _short(world, split, seeds, about) for words, (split, seeds) in sets.items()}
+            missed = [words for words in places if short.get(words)]
+            if missed:
+                why = _missed_because([sets[words][1] for words in missed], about)
+                lines.append((f"{world}: {about}", [*(short.get(words, "") for words in places), why]))
+    return markdown([plain_grid((*places, "of a hundred that are wrong there"), lines, "points short")])
+
+
+def _test_sets() -> dict[tuple[str, str], tuple[str, list[dict[str, Any]]]]:
+    """What is judged on test sets: by world and by what the boards are and who acted, the set and its seeds."""
+    judged = {"learned": _judged(), "curious": _judged_curious()}
+    return {
+        (world, words): (split, judged[who][world, split])
+        for world in dict.fromkeys(world for told in judged.values() for world, _ in told)
+        for words, (split, who) in PLACES.items()
+        if (world, split) in judged[who]
+    }
+
+
+def _short(world: str, split: str, seeds: list[dict[str, Any]], about: str) -> str:
+    """How far the seeds that miss a gate are behind it, their mean and the worst, and how many reach it; of several
+    gates that which most miss."""
+    gates = [[gate for gate in _gates(world, split, one) if gate.about == about] for one in seeds]
+    behind = [[gate.short for gate in own if gate.short] for own in zip(*gates, strict=True)]
+    missed = max(behind, key=lambda short: (len(short), max(short, default=0.0)), default=[])
+    if not missed:
+        return ""
+    spread = f" ({number(100 * max(missed))})" if len(missed) > 1 else ""
+    return f"{number(100 * sum(missed) / len(missed))}{spread} {reaching(len(seeds) - len(missed), len(seeds))}"
+
+
+def _missed_because(judged: list[list[dict[str, Any]]], about: str) -> str:
+    """Of all that is missed on sets, how many for each reason; nothing where evaluations tell none."""
+    key = REASONS.get(about)
+    rows = [one for seeds in judged for one in seeds]
+    return _missed(rows, key) if key and all(one.get(key) for one in rows) else ""  # older rows have none
 
 
 def _held(world: str, split: str, seeds: list[dict[str, Any]]) -> list[str]:
@@ -151,6 +192,16 @@ def _seeds_cell(values: list[float | None], gate: "_Gate", more: str = "") -> st
 PARENTS = "parents"
 ABOUT = (PARENTS, "rewirings", "mechanisms", "what if", "Pred-A", "calibration")
 """What gates of worlds ask about."""
+REASONS = {
+    "mechanisms": "mechanism_missed_because",
+    "what if": "what_if_missed_because",
+    "rewirings": "rewired_missed_because",
+}
+"""Where evaluations tell why something is wrong."""
+BOARDS = {"novel-config": "new configurations", "novel-object": "new objects", "novel-mechanism": "new kinds"}
+"""The test sets, and what they are called."""
+PLACES = {f"{words}, {who}": (split, who) for split, words in BOARDS.items() for who in ("learned", "curious")}
+"""What boards were judged, and who acted on them."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +225,11 @@ class _Gate:
     @property
     def asked(self) -> str:
         return f"{'at least' if self.least else 'at most'} {whole(self.limit)}"
+
+    @property
+    def short(self) -> float:
+        """How far what a model has is on the wrong side of the limit; 0 on the right one, and where nobody can tell."""
+        return 0.0 if self.value is None or self.reached(self.value) else abs(self.limit - self.value)
 
     def reached(self, value: float) -> bool:
         ahead = round(value - self.limit, 9)  # shares less others are not exact

@@ -78,32 +78,36 @@ def part() -> str:
     for why, words in EXPLAINED.items():
         names = [f"`{name}`" for name, one in sorted(found.items()) if one == why]
         lines += [f"- {words} ({len(names)}): {', '.join(names)}"] if names else []
-    for name, of in _of_earlier_weights():
-        lines.append(f"- about weights of `{name}` before those that are here ({len(of)}): {', '.join(of)}")
+    for of, names in _of_earlier_weights():
+        models = ", ".join(f"`{name}`" for name in names)
+        lines.append(f"- about weights of {models} before those that are here ({len(of)}): {', '.join(of)}")
     return "\n".join(lines)
 
 
-def _of_earlier_weights() -> Iterator[tuple[str, list[str]]]:
-    """Models of the repository, and the results that are about other weights by their name."""
+def _of_earlier_weights() -> Iterator[tuple[tuple[str, ...], list[str]]]:
+    """Results that are about other weights by the names of models of the repository, and these models."""
     folders = {path.name: path for place in MODELS for path in sorted((HERE.parent / place).iterdir()) if path.is_dir()}
     kept = {name: _weights(file_hashes(folder)) for name, folder in folders.items()}
     found: dict[str, list[str]] = {}
     for result, told in _results():
         for name in dict.fromkeys(name for name, of in _named(told) if of != kept.get(name, of)):
             found.setdefault(name, []).append(f"`{result}`")
-    yield from sorted(found.items())
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, results in sorted(found.items()):
+        groups.setdefault(tuple(results), []).append(name)
+    yield from groups.items()
 
 
-def _weights(files: dict[str, str]) -> dict[str, str]:
-    """What decides what a model says: a page beside it does not."""
-    return {name: digest for name, digest in files.items() if name.endswith(WEIGHTS)}
+def _weights(files: Any) -> dict[str, str]:
+    """Of hashes of a model's files those that decide what it says; nothing of another value."""
+    return {name: one for name, one in files.items() if name.endswith(WEIGHTS)} if isinstance(files, dict) else {}
 
 
 def _named(value: Any) -> Iterator[tuple[str, dict[str, str]]]:
-    """Names in a JSON value under which hashes of weights stand."""
+    """Names in a JSON value under which hashes of weights stand, there or as those of a model."""
     if isinstance(value, dict):
         for name, one in value.items():
-            if isinstance(one, dict) and (weights := _weights(one)):
+            if weights := _weights(one) or (_weights(one.get("model")) if isinstance(one, dict) else {}):
                 yield name, weights
             yield from _named(one)
     elif isinstance(value, list):

@@ -162,7 +162,7 @@ def _with_failures(
         failing: by the step before which it happens: the action, and whether it holds the same link; None for none.
     """
     observed, truth, length = recording.observed, recording.truth, len(recording.observed.actions)
-    told: list[tuple[ObservedAction, int, int, bool, str]] = []  # action, link, its object, success, kind
+    told: list[tuple[ObservedAction, int, int, bool, tuple[str, ...]]] = []  # action, link, its object, success, kinds
     frames, step = [0], 0
     while len(told) < length:
         extra = failing(step) if rng.random() < share else None
@@ -173,7 +173,7 @@ def _with_failures(
         else:
             action, holds = extra
             link, on = (int(truth.links[step]), int(truth.held[step])) if holds else (-1, -1)
-            told.append((action, link, on, False, truth.kinds[step] if holds else NOTHING_HELD))
+            told.append((action, link, on, False, truth.kinds[step] if holds else (NOTHING_HELD,)))
         frames.append(step)
     actions, links, held, success, kinds = zip(*told, strict=True)
     return replace(

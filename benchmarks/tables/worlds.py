@@ -261,7 +261,9 @@ def claimed_by(judged: JudgedCauses, seen: Seen, graph: InferredGraph) -> Judged
     """The same board judged by what another graph claims, of which nobody is asked about mechanisms."""
     count = len(judged.true) - 1
     claimed = np.array([graph.claimed(number) for number in range(count + 1)]) & judged.candidates
-    links = None if graph.links is None else count_links(seen.episode, graph.links, graph.threshold, claimed)
+    links = None
+    if graph.links is not None:
+        links = count_links(seen.episode, graph.links, graph.threshold, claimed, judged.candidates)
     probabilities = np.array([graph.after(number) for number in range(count + 1)], np.float32)
     unasked = [replace(one, right=None, kind_right=None, lag_right=None) for one in judged.mechanisms]
     return replace(

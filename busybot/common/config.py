@@ -174,7 +174,7 @@ def _field(model: type[BaseModel], path: list[str]) -> tuple[type[BaseModel], An
 def _known(model: type[BaseModel], name: str = "") -> str:
     near = get_close_matches(name, model.model_fields, 1)
     meant = f"did you mean {near[0]}? " if near else ""
-    return f"{meant}the parameters are {', '.join(model.model_fields)}"
+    return f"{meant}the parameters are {', '.join(model.model_fields)}" if model.model_fields else "it has none"
 
 
 def _assign_default(values: dict[str, Any], path: list[str], value: Any) -> None:

@@ -88,7 +88,7 @@ def test_a_slip_holds_the_link_and_a_miss_the_same_trigger_beside_it() -> None:
         RECORDING.truth.links[0]
     }
     assert set(acted_objects(miss.observed)) == {RECORDING.episode.steps[0].acted_object}
-    assert set(miss.truth.kinds) == {NOTHING_HELD} and set(miss.truth.links) == {-1}
+    assert set(miss.truth.kinds) == {(NOTHING_HELD,)} and set(miss.truth.links) == {-1}
     image = RECORDING.episode.image(0)
     assert image.segmentation is not None
     for action in miss.observed.actions:

@@ -98,6 +98,31 @@ def test_at_a_glance_it_is_told_how_many_gates_hold_of_each_policy(monkeypatch: 
     ]
 
 
+def test_what_is_missed_is_told_with_how_much_and_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    why = {"parents": 3, "otherwise": 1}
+    late = row(after=row()["after"] | {"10": {**row()["after"]["10"], "link_parent_f1": 0.93}}, what_if=0.8)
+    worse = late | {"what_if": 0.7, "what_if_missed_because": why}
+    files = {
+        "world-gates": {
+            "gates": {"novel-object": {"a": row(), "b": late}, "novel-mechanism": {"a": worse, "b": worse}},
+            "chain": {"novel-config": {"a": row(), "b": row()}, "validation": {"a": worse, "b": worse}},
+        },
+        "curious-gates": {"gates": {"novel-object": {"a": row(), "b": worse}}},
+    }
+    monkeypatch.setattr(gate_tables, "result", lambda name: {"rows": files.get(name, {})})
+    assert gate_tables.gates_missed().splitlines()[0].split(" | ")[1:5] == [
+        "new configurations, learned", "new objects, learned", "new objects, curious", "new kinds, learned",
+    ]  # fmt: skip
+    assert _lines(gate_tables.gates_missed()) == [
+        ["gates: parents", "", "1.0 1 of 2", "1.0 1 of 2", "", ""],
+        ["gates: what if", "", "10.0 1 of 2", "20.0 1 of 2", "20.0 (20.0) ✗", ""],
+    ]
+    files["world-gates"]["gates"]["novel-object"]["b"] |= {"what_if_missed_because": why}
+    files["world-gates"]["gates"]["novel-object"]["a"] |= {"what_if_missed_because": why}
+    files["curious-gates"]["gates"]["novel-object"]["a"] |= {"what_if_missed_because": why}
+    assert _lines(gate_tables.gates_missed())[1][-1] == "parents 75, else 25"
+
+
 def test_beliefs_are_told_after_each_number_of_images_with_the_pairs_that_they_are_about(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

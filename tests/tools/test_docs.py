@@ -388,6 +388,14 @@ def test_results_about_weights_that_were_replaced_are_told(results: Path, monkey
         put(results, name, "curiosity", commit="a1", machine={"cores": 2}, rows=[{"models": {model: of}}])
     [line] = [line for line in provenance.part().splitlines() if "weights" in line]
     assert "`mechanism`" in line and line.endswith("(1): `before`")
+    judged = {"gates": {"novel-object": {name: {"model": other, "boards": 2} for name in ("event", "mechanism")}}}
+    put(results, "judged", "world-gates", commit="a1", machine={"cores": 2}, rows=judged)
+    first, second = (line for line in provenance.part().splitlines() if "weights" in line)
+    assert "of `event` before" in first and first.endswith("(1): `judged`")
+    assert "of `mechanism` before" in second and second.endswith("(2): `before`, `judged`")
+    (results / "before.json").unlink()
+    [both] = [line for line in provenance.part().splitlines() if "weights" in line]
+    assert "of `event`, `mechanism` before" in both and both.endswith("(1): `judged`")
 
 
 def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -259,7 +259,7 @@ def judge_causes(
     early = {number: one for number, one in (early or {}).items() if number in numbers}
     after = [early.get(number, graph) for number in numbers]
     claimed = np.array([one.claimed(number) for number, one in enumerate(after)]) & watched.candidates
-    links = _links_after(watched.episode, graph, early, claimed)
+    links = _links_after(watched, graph, early, claimed)
     judged = JudgedCauses(
         watched.candidates,
         watched.true,
@@ -325,19 +325,24 @@ def matched_links(clusters: np.ndarray, held: np.ndarray, links: int) -> dict[in
 
 
 def _links_after(
-    episode: Episode, graph: InferredGraph, early: Mapping[int, InferredGraph], claimed: np.ndarray
+    watched: Watched, graph: InferredGraph, early: Mapping[int, InferredGraph], claimed: np.ndarray
 ) -> np.ndarray:
     """See `count_links`; after some numbers of actions a graph of its own tells of links. Who is silent claims none."""
     numbers = [number for number in range(len(claimed)) if number not in early]
     counts = np.zeros((*claimed.shape[:2], 3), int)
-    none = InferredLinks(np.full(len(episode.steps), -1), np.zeros((1, 0, claimed.shape[1])))
+    none = InferredLinks(np.full(len(watched.episode.steps), -1), np.zeros((1, 0, claimed.shape[1])))
     for one, own in [(graph, numbers), *((one, [number]) for number, one in early.items())]:
-        counts[own] = count_links(episode, one.links or none, one.threshold, claimed, own)
+        counts[own] = count_links(watched.episode, one.links or none, one.threshold, claimed, watched.candidates, own)
     return counts
 
 
 def count_links(
-    episode: Episode, told: InferredLinks, threshold: float, claimed: np.ndarray, numbers: Sequence[int] | None = None
+    episode: Episode,
+    told: InferredLinks,
+    threshold: float,
+    claimed: np.ndarray,
+    candidates: np.ndarray,
+    numbers: Sequence[int] | None = None,
 ) -> np.ndarray:
     """Parents at the level of links, int (K + 1, N, 3), as `JudgedCauses.links`.
 
@@ -346,6 +351,7 @@ def count_links(
     Args:
         threshold: a parent is claimed when its probability exceeds this.
         claimed: bool (K + 1, N, N), pairs of objects.
+        candidates: bool (N, N), pairs of which one may be the other's parent: who has no such pair is no link's child.
         numbers: of actions, to count after these alone; the result then has a row for each.
     """
     names, held = link_names(episode), held_links(episode)
@@ -355,7 +361,7 @@ def count_links(
     numbers = range(len(claimed)) if numbers is None else numbers
     counts = np.zeros((len(numbers), claimed.shape[1], 3), int)
     for row, number in enumerate(numbers):
-        said = told.after(number) > threshold  # (clusters, N)
+        said = (told.after(number) > threshold) & candidates.any(0)  # (clusters, N)
         nowhere = [cluster for cluster in range(len(said)) if cluster not in match]
         mine = np.concatenate([np.zeros((links, claimed.shape[1]), bool), claimed[number, responders]])
         for cluster, link in match.items():

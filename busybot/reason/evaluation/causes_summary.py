@@ -78,8 +78,8 @@ KEYS: dict[str, str] = {
     "boards that the exact observer could follow; null if they have no rewirings, and as `rewired_placed`",
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
-    "boards; over `mechanisms` (their kinds) and their boards. Over boards, shares of 0 or 1 (not F1) have exact "
-    "binomial bounds, each board being one trial",
+    "boards; over `mechanisms` (their kinds) and their boards. Shares of 0 or 1 (not F1) have exact binomial bounds, "
+    "each board, object or kind being one trial",
     "cause_boards": "the figures of each board",
     "by_board": "numerators and denominators on each board, of `parent_f1`, `link_parent_f1` and `mechanism_accuracy`, "
     "too, where they are told, for paired tests between models on the same boards",
@@ -384,11 +384,13 @@ def _intervals(
     found: dict[str, dict[str, Interval]] = {}
     for grouping, name_of in groupings.items():
         rng = generator(seed, split, 0, f"reason/bootstrap-causes/{grouping}")
-        found[grouping] = {name: _interval(rows, name_of, rng) for name, rows in records.items()}
-        if grouping == "boards":
-            found[grouping] |= {
-                name: _exact(rows) or found[grouping][name] for name, rows in records.items() if name != "parent_f1"
-            }
+        over = records
+        if grouping != "boards":  # an object that nobody claims a parent of has no share
+            over = {name: [one for one in rows if one[1]] for name, rows in records.items()}
+        found[grouping] = {
+            name: (name != "parent_f1" and _exact(rows, name_of)) or _interval(rows, name_of, rng)
+            for name, rows in over.items()
+        }
     return found
 
 
@@ -401,10 +403,14 @@ def _interval(
     return two_level_interval(part, whole, [name_of(one) for one in records], [one[4] for one in records], rng)
 
 
-def _exact(records: Sequence[tuple[int, int, str, str, int]]) -> Interval:
-    """Of a share that is 0 or 1."""
+def _exact(
+    records: Sequence[tuple[int, int, str, str, int]], name_of: Callable[[tuple[int, int, str, str, int]], str]
+) -> Interval:
+    """Of a share that is 0 or 1: each group, or each board if all are of one, is a trial."""
     part, whole, boards = (np.array([one[column] for one in records], int) for column in (0, 1, 4))
-    return extreme_interval(np.bincount(boards, part), np.bincount(boards, whole))
+    groups = np.unique([name_of(one) for one in records], return_inverse=True)[1]
+    trials = groups if groups.any() else boards
+    return extreme_interval(np.bincount(trials, part), np.bincount(trials, whole)) if len(records) else None
 
 
 def _row(board: BoardSpec, one: JudgedCauses, steps: int) -> dict[str, Any]:

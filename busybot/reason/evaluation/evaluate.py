@@ -341,6 +341,9 @@ def evaluate_models(
     if not indices:
         what = f"{dataset.path}: none of its {dataset.info.boards} boards has an episode"
         raise BusybotError(what, collect_command(dataset.path, dataset.info))
+    for judging in judgings:
+        if judging.given is not None:
+            judging.given.check(dataset.info.boards)
     features: dict[str, FeaturesOf] = {}
     if judgings[0].boxes == GIVEN:
         features = {one: features_of(dataset, one, workers=workers) for one in dict.fromkeys(encoders) if one}

@@ -12,7 +12,8 @@ A file holds one graph, or a list of them, as JSON:
 took hold of, `steps` numbers them from 0; an edge whose `link` is its id is about it, others about whole objects. Sets
 of parents are those that decide a responder together, at the end of what was seen, of links that moved. What
 a reasoner does not tell is null; pairs less probable than `LEAST` are left out. Of a graph that is read, `edges` with
-`from` and `to` suffice.
+`from` and `to` suffice; an object's mechanism is that of the most probable edge to it that has one, its lag the least
+of the claimed ones. All graphs that are read together have one model and one threshold.
 """
 
 import re
@@ -89,12 +90,23 @@ class GivenGraphs:
 
         Raises:
             BusybotError: there is none, an edge or a link names what is no object of the board, two nodes or two links
-                have one id, or a link's steps are not those of the recording or are another link's, too.
+                have one id, two nodes are one object, or a link's steps are not those of the recording or are another
+                link's, too.
         """
         index = episode.board.index
         if index not in self.graphs:
             raise BusybotError(f"{self.path}: it has no graph of board {index}", "give each graph its board's number")
         return _Reading(self.path, episode, self.graphs[index]).graph()
+
+    def check(self, boards: int) -> None:
+        """Refuse graphs of boards that a dataset with so many does not have.
+
+        Raises:
+            BusybotError: naming one of them.
+        """
+        if strange := sorted(index for index in self.graphs if not 0 <= index < boards):
+            what = f"{self.path}: it has a graph of board {strange[0]}, and the dataset has boards 0 to {boards - 1}"
+            raise BusybotError(what, "take the dataset that the graphs are about")
 
 
 class _Reading:
@@ -107,13 +119,18 @@ class _Reading:
         if told.nodes:
             self.objects = {node.id: _object(node, episode) for node in told.nodes}
             self._only_once("nodes", [node.id for node in told.nodes])
+            known = {name: number for name, number in self.objects.items() if number is not None}
+            for number, count in Counter(known.values()).items():
+                if count > 1:
+                    first, second, *_ = (name for name, other in known.items() if other == number)
+                    what = f"{self.place}: nodes {first!r} and {second!r} are both object {number}"
+                    raise BusybotError(what, "give each the box of its own object")
 
     def graph(self) -> InferredGraph:
         told = self.told
         clusters = self._clusters()
         links = {link.id: (number, link.of) for number, link in enumerate(told.links or ())}
         probabilities, single = np.zeros((1, self.count, self.count)), np.zeros((1, len(links), self.count))
-        kinds, lags = [""] * self.count, np.full(self.count, -1)
         for edge in told.edges:
             cause, effect = self._number_of(edge.cause), self._number_of(edge.effect)
             probabilities[0, cause, effect] = max(probabilities[0, cause, effect], edge.probability)
@@ -123,9 +140,7 @@ class _Reading:
                     what = f"{self.place}: an edge from node {edge.cause!r} names link {edge.link!r}"
                     raise BusybotError(f"{what}, which is none of it", f"list it in `links` with `of`; {HINT}")
                 single[0, number, effect] = max(single[0, number, effect], edge.probability)
-            kinds[effect] = edge.mechanism or kinds[effect]
-            if edge.lag is not None:  # the earliest of an object's inputs counts
-                lags[effect] = edge.lag if lags[effect] < 0 else min(lags[effect], edge.lag)
+        kinds, lags = self._named()
         return InferredGraph(
             told.model,
             probabilities,
@@ -134,6 +149,19 @@ class _Reading:
             kinds=tuple(kinds) if any(kinds) else None,
             lags=lags if (lags >= 0).any() else None,
         )
+
+    def _named(self) -> tuple[list[str], np.ndarray]:
+        """Kinds of mechanisms and lags, int (N,), of each object."""
+        kinds, lags = [""] * self.count, np.full(self.count, -1)
+        for edge in sorted(self.told.edges, key=lambda edge: -edge.probability):
+            effect = self._number_of(edge.effect)
+            kinds[effect] = kinds[effect] or edge.mechanism or ""
+            if edge.lag is not None:  # the earliest of an object's inputs counts
+                if lags[effect] < 0:
+                    lags[effect] = edge.lag
+                elif edge.probability > self.told.threshold:
+                    lags[effect] = min(lags[effect], edge.lag)
+        return kinds, lags
 
     def _only_once(self, what: str, ids: list[int | str]) -> None:
         if len(set(ids)) < len(ids):
@@ -202,6 +230,14 @@ def read_graphs(path: Path) -> GivenGraphs:
                 raise BusybotError(f"{file}: {first_fault(error)}", HINT) from None
             if graph.board in graphs:
                 raise BusybotError(f"{file}: a second graph of board {graph.board}", "give each its board's number")
+            first = next(iter(graphs.values()), graph)
+            for what, mine, other in (
+                ("model", graph.model, first.model),
+                ("threshold", graph.threshold, first.threshold),
+            ):
+                if mine != other:
+                    told = f"{file}: board {graph.board} has the {what} {mine!r}, and board {first.board} has {other!r}"
+                    raise BusybotError(told, "graphs that are judged together have one; judge others by themselves")
             graphs[graph.board] = graph
             hashes.setdefault(graph.model, {})[file.name] = digest
     silent = [board for board, graph in graphs.items() if graph.links is None]

@@ -154,14 +154,14 @@ class StateTruth:
         links: int (T,), which link was held that something follows, as an index into the episode's links; -1 for none.
         held: int (T,), which object was held, if it is a trigger; -1 for none.
         success: bool (T,), whether the action changed a trigger's state.
-        kinds: T times the kind of the held link's relation; `NOTHING_HELD` for none.
+        kinds: T times the kinds of the relations that read the held link then; `NOTHING_HELD` for none.
     """
 
     states: np.ndarray
     links: np.ndarray
     held: np.ndarray
     success: np.ndarray
-    kinds: tuple[str, ...]
+    kinds: tuple[tuple[str, ...], ...]
 
 
 def states_of(episode: Episode) -> StateTruth | None:
@@ -174,15 +174,21 @@ def states_of(episode: Episode) -> StateTruth | None:
     if (states[:, [role == "responder" for role in roles]] < 0).any():
         return None
     place = {(link.object, link.name): index for index, link in enumerate(episode.links)}
-    kind_of = {(t.object, t.link): relation.kind for relation in episode.board.relations for t in relation.triggers}
+    controls = {(t.object, t.link) for relation in episode.board.relations for t in relation.triggers}
     held = [(step.acted_object, step.acted_link) for step in steps]
     return StateTruth(
         states=states,
-        links=np.array([place.get(link, -1) if link in kind_of else -1 for link in held], int),
+        links=np.array([place.get(link, -1) if link in controls else -1 for link in held], int),
         held=np.array([index if index >= 0 and roles[index] == "trigger" else -1 for index, _ in held], int),
         success=np.array([step.success for step in steps], bool),
-        kinds=tuple(kind_of.get(link, NOTHING_HELD) for link in held),
+        kinds=tuple(_kinds_of(episode.board, link, action) or (NOTHING_HELD,) for action, link in enumerate(held, 1)),
     )
+
+
+def _kinds_of(board: BoardSpec, link: tuple[int, str], action: int) -> tuple[str, ...]:
+    """The kinds of the relations that read a link after an action, from 1."""
+    read = (one for one in relations_at(board, action) if link in {(t.object, t.link) for t in one.triggers})
+    return tuple(dict.fromkeys(one.kind for one in read))
 
 
 def determined(

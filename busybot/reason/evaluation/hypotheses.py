@@ -4,7 +4,7 @@ A hypothesis is a mechanism of `boards.mechanisms` with its inputs, so that the 
 on what a mechanism does. The space of a world holds what `boards.worlds` can draw there, each with the probability that
 it is drawn. What depends on a board's other responders is left out of these probabilities: that every link has
 something to do (and is drawn more often as long as it has nothing), and that only what has a luck of its own is
-followed.
+followed. Where each responder follows one link or none it is not left out (`wirings`).
 
 Probabilities that mechanisms draw from an interval (how often a lamp fails) stand at `LEVELS` places in it.
 
@@ -26,9 +26,12 @@ from busybot.boards.mechanisms.delay import Delay
 from busybot.boards.mechanisms.direct import OneToOne
 from busybot.boards.mechanisms.latch import Latch
 from busybot.boards.mechanisms.rest import Rest
+from busybot.boards.real_board import WIRINGS
+from busybot.boards.relations import STEP_OF_STATE
 from busybot.boards.spec import PAPER, BoardSpec
-from busybot.boards.worlds import CLOCKED, DIRECT, INERT, NOVEL, REWIRED_AT, World, world_named
+from busybot.boards.worlds import BUILT, CLOCKED, DIRECT, INERT, NOVEL, REAL_BOARD, REWIRED_AT, World, world_named
 from busybot.common.errors import BusybotError
+from busybot.reason.evaluation.wirings import Drawn, Listed, Wiring
 
 LEVELS = 5
 """A probability that is drawn from an interval is taken for one of so many in it."""
@@ -311,6 +314,8 @@ class Space:
             equally probable, and what is written differently is another mechanism for who draws a rewiring.
         clocks: None if there are none.
         rewired: share of boards on which one responder's mechanism changes, after one of `STEPS`.
+        wiring: what assigns links to responders, where the hypotheses are, one for each link, that it is followed, and
+            last that none is; None if each responder has causes of its own.
     """
 
     sizes: tuple[int, ...]
@@ -321,6 +326,7 @@ class Space:
     orders: np.ndarray
     clocks: Clocks | None = None
     rewired: float = 0.0
+    wiring: Wiring | None = None
 
     @property
     def responders(self) -> int:
@@ -403,7 +409,7 @@ def space_of(world: str, novel: bool, sizes: tuple[int, ...], stages: tuple[Stag
     """What the boards of a world may have, as `boards.worlds` draws it.
 
     Args:
-        world: its name, or the name of a mechanism.
+        world: its name, or the name of a mechanism; not the paper's, nor one of `boards.worlds.BUILT`.
         novel: whether they are of the split `novel-mechanism`.
         sizes: number of states of each trigger link.
         stages: of each responder, what it can be.
@@ -411,7 +417,7 @@ def space_of(world: str, novel: bool, sizes: tuple[int, ...], stages: tuple[Stag
     Raises:
         BusybotError: there is no such world, or one of its mechanisms draws what nobody can list.
     """
-    law = World(kinds={DIRECT: 1.0}) if world == PAPER else world_named(world, novel)
+    law = world_named(world, novel)
     single = [number for number, (two, _) in enumerate(stages) if two]
     of_links = {able: _driven(law, novel, sizes, able).found for able in set(stages)}
     driven = [of_links[able] for able in stages]
@@ -569,7 +575,38 @@ def board_space(
     """
     responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
     able = tuple(stages) if stages is not None else ((True, 3 in sizes),) * len(responders)
+    if board.world == REAL_BOARD:
+        return wired_space(sizes, len(responders), Listed(WIRINGS)), responders
+    if board.world in (PAPER, *BUILT):
+        idle = {ref.object for ref in board.idle}  # all links of an object are, or none
+        owners = [index for index, one in enumerate(board.objects) if one.role == "trigger" for _ in one.states]
+        active = tuple(place for place, owner in enumerate(owners) if owner not in idle)
+        return wired_space(sizes, len(responders), drawn_wiring(sizes, able, active)), responders
     return space_of(board.world, board.split == NOVEL, sizes, able), responders
+
+
+@lru_cache(maxsize=256)
+def drawn_wiring(sizes: tuple[int, ...], stages: tuple[Stages, ...], active: tuple[int, ...]) -> Drawn:
+    """How the paper's boards assign links to responders (`boards.relations`): links with three states choose first.
+
+    Args:
+        active: numbers of the links that are not idle.
+    """
+    places = tuple(sorted(active, key=lambda place: sizes[place] != 3))
+    return Drawn(tuple(tuple(able[sizes[place] == 3] for able in stages) for place in places), places)
+
+
+@lru_cache(maxsize=256)
+def wired_space(sizes: tuple[int, ...], responders: int, wiring: Wiring) -> Space:
+    """What boards may have whose responders each follow one link, as the paper's do, or rest as they were made."""
+    follows = [
+        Hypothesis(OneToOne(sizes=(size,), table=STEP_OF_STATE if size == 3 else (0, 1)), (place,))
+        for place, size in enumerate(sizes)
+    ]
+    hypotheses = (*follows, Hypothesis(Rest(sizes=(), table=(0,)), ()))
+    prior = wiring.shares(np.ones((len(hypotheses), responders)))
+    stages, orders = np.array([*sizes, 2]), np.ones(len(hypotheses), int)
+    return Space(sizes, hypotheses, prior, stages, np.zeros_like(prior), orders, wiring=wiring)
 
 
 @lru_cache(maxsize=16)

@@ -35,7 +35,7 @@ class JudgedPrediction:
         judged: bool (N,), responders whose prediction counts.
         successful: bool (S,), whether the step's action changed a trigger's state.
         held: int (S,), the trigger that was held, -1 for none.
-        kinds: S times the kind of the relation whose trigger was held.
+        kinds: S times the kinds of the relations that read the held link.
         right: bool (S, N) by name: the reasoner's predictions by the judges `NEAREST` and `DECODED`, and `PERSISTENCE`
             (by `NEAREST`), `BOUND` and `BOUND_KNOWING`.
         reads: bool (T + 1, N) by judge: whether it reads the true features rightly.
@@ -46,7 +46,7 @@ class JudgedPrediction:
     judged: np.ndarray
     successful: np.ndarray
     held: np.ndarray
-    kinds: tuple[str, ...]
+    kinds: tuple[tuple[str, ...], ...]
     right: dict[str, np.ndarray]
     reads: dict[str, np.ndarray]
     by_images: dict[int, dict[str, np.ndarray]]

@@ -74,7 +74,7 @@ def counted(
     for board, one in forecasts:
         right = (one.right if images is None else one.by_images.get(images, {})).get(name)
         if right is not None and (name not in BOUNDS or board.world == PAPER):
-            steps = np.array([kind in (None, each) for each in one.kinds], bool)
+            steps = np.array([kind is None or kind in each for each in one.kinds], bool)
             wanted = np.array([category in (None, placed.category) for placed in board.objects], bool)
             judged = one.judged & wanted
             counts.append(m.count_predictions(right[steps], one.changed[steps], judged, one.successful[steps]))
@@ -110,8 +110,8 @@ def _accuracy(forecasts: Forecasts, judge: str) -> dict[str, Any] | None:
 
 
 def _by_kind(forecasts: Forecasts) -> dict[str, dict[str, Any]]:
-    """Scores of the steps by the kind of the relation whose trigger was held."""
-    kinds = [kind for _, one in forecasts for kind in one.kinds]
+    """Scores of the steps by the kind of the relation whose trigger was held, under each kind if there are several."""
+    kinds = [kind for _, one in forecasts for each in one.kinds for kind in each]
     return {
         kind: {
             **_scores(forecasts, NEAREST, kind=kind),

@@ -157,6 +157,13 @@ class _Run:
         return flat.reshape(*self.belief.shape[:2], STATES, self.belief.shape[2])
 
 
+def _unexplained(actions: int) -> BusybotError:
+    return BusybotError(
+        f"nothing in the space explains what a responder showed in {actions} actions",
+        "declare a larger space, or allow for errors",
+    )
+
+
 def _agreement(expected: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.asarray((expected * seen).sum(-1))
 
@@ -368,8 +375,14 @@ class Observer:
 
     def _weights(self) -> _Weights:
         space, log = self.space, self._history[-1].runs[-1].log
-        alone = _log(space.prior) + log
         now = len(self._history) - 1
+        if space.wiring is not None:
+            most = _finite(log.max(0))
+            shares = space.wiring.shares(np.exp(log - most))
+            if not np.allclose(shares.sum(0), 1):
+                raise _unexplained(now)
+            return _Weights(shares, {}, {})
+        alone = _log(space.prior) + log
         # those that are to come are alike
         of_step = {step: self._rewired(step) for step in {min(step, now) for step in STEPS}} if space.rewired else {}
         rewired = {step: of_step[min(step, now)] for step in STEPS} if space.rewired else {}
@@ -377,10 +390,7 @@ class Observer:
         with np.errstate(invalid="ignore"):
             share = np.exp(masses - _total(masses.ravel()))  # sets, (nobody, R)
         if not np.isfinite(share).all():
-            raise BusybotError(
-                f"nothing in the space explains what a responder showed in {now} actions",
-                "declare a larger space, or allow for errors",
-            )
+            raise _unexplained(now)
         moved = (sets * share.sum(1)[:, None]).sum(0)
         changed = share[:, 1:].sum(0)
         kept = _shares(alone) * (1 - moved - changed).clip(0)

@@ -22,7 +22,7 @@ import warnings
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field, PositiveFloat
+from pydantic import Field
 from scipy.special import betaln, softmax
 
 from busybot.common.errors import needs_extra
@@ -30,6 +30,8 @@ from busybot.common.frozen_model import FrozenModel
 from busybot.reason.inputs.object_masks import ChangeConfig, changes
 from busybot.reason.inputs.observation import ObservedEpisode, acted_objects
 from busybot.reason.models.base import InferredGraph
+
+Weight = Annotated[float, Field(gt=0, le=1e9)]
 
 
 class CountConfig(FrozenModel):
@@ -47,8 +49,8 @@ class CountConfig(FrozenModel):
     """
 
     controlled: Annotated[float, Field(gt=0, lt=1)] = 0.5
-    effect: tuple[PositiveFloat, PositiveFloat] = (1.5, 1.0)
-    noise: tuple[PositiveFloat, PositiveFloat] = (1.0, 5000.0)
+    effect: tuple[Weight, Weight] = (1.5, 1.0)
+    noise: tuple[Weight, Weight] = (1.0, 5000.0)
     claimed: Annotated[float, Field(ge=0, lt=1)] = 0.5
     change: ChangeConfig = ChangeConfig()
 

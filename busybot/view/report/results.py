@@ -19,7 +19,7 @@ from busybot.evaluation.results import KINDS, read_result
 from busybot.evaluation.statistics import Interval, widest
 from busybot.training.model_cards import rounds_of
 from busybot.view.report.page import number, spread
-from busybot.view.report.world_results import Evaluation, ResultFile, WorldResults
+from busybot.view.report.world_results import Evaluation, OnBoards, ResultFile, WorldResults
 
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = (
@@ -30,9 +30,6 @@ SHOWN = (
 MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
-MOST_COUNTED = 10**9
-"""On one board."""
-
 
 def _without_level(told: Any) -> Any:
     """Intervals alone, without how much lies within them."""
@@ -40,19 +37,6 @@ def _without_level(told: Any) -> Any:
 
 
 Intervals = Annotated[dict[str, Interval], BeforeValidator(_without_level)]
-
-
-class _OnBoards(ResultFile):
-    """What was counted on each board."""
-
-    part: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
-    whole: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
-
-    @model_validator(mode="after")
-    def _of_the_same_boards(self) -> "_OnBoards":
-        if len(self.part) != len(self.whole):
-            raise ValueError("part and whole are of other numbers of boards")
-        return self
 
 
 class InteractResult(Evaluation):
@@ -67,7 +51,7 @@ class InteractResult(Evaluation):
     intervals: Intervals
     object_intervals: Intervals = {}
     by_step: list[dict[str, float | None]] = []
-    by_board: dict[str, _OnBoards] = {}
+    by_board: dict[str, OnBoards] = {}
 
 
 class _AfterImages(ResultFile):
@@ -105,7 +89,7 @@ class ReasonResult(Evaluation):
     intervals: Intervals
     object_intervals: Intervals = {}
     by_images: list[_AfterImages] = []
-    by_board: dict[str, _OnBoards] = {}
+    by_board: dict[str, OnBoards] = {}
     baselines: dict[str, dict[str, float | None]] = {}
     persistence: dict[str, Any] | None = None
 

@@ -1,5 +1,6 @@
 """The parts of a report that show numbers: tables, single evaluations, robustness, cost, and where they come from."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,9 @@ from busybot.view.report.results import (
     score,
     score_of,
 )
+from busybot.view.report.world_results import WorldReason, name_of
+
+Judged = InteractResult | ReasonResult | WorldReason
 
 SECTIONS: dict[str, tuple[Role, ...]] = {
     "ours": ("ours",),
@@ -253,17 +257,20 @@ def single_blocks(results: Results) -> list[Block]:
             "objects, or on a few boards, they only say where one stands."
         )
         blocks.insert(0, Text(note))
-    return [*blocks, *_compared(results)]
+    return [*blocks, *compared(results.singles)]
 
 
-def _compared(results: Results) -> list[Block]:
-    """Evaluations of one skill on the same boards, or recordings: all others against the one that was given first."""
-    groups: dict[tuple[Any, ...], list[tuple[str, InteractResult | ReasonResult]]] = {}
-    for name, result in results.singles.items():
+def compared(results: Mapping[str, Judged]) -> list[Block]:
+    """Evaluations of one skill on the same boards, or recordings: all others against the one that was given first.
+
+    Args:
+        results: by file.
+    """
+    groups: dict[tuple[Any, ...], list[tuple[str, Judged]]] = {}
+    for name, result in results.items():
         boards = result.dataset.get("board_hash")
         if boards and result.by_board:
-            skill = INTERACTION.skill if isinstance(result, InteractResult) else REASONING.skill
-            which = (skill, boards, result.dataset.get("content_hash"), result.boards)
+            which = (type(result), boards, result.dataset.get("content_hash"), result.boards)
             groups.setdefault(which, []).append((name, result))
     grids = [_comparison(told) for told in groups.values() if len(told) > 1]
     return [Heading("On the same boards", 3), Text(PAIRED), *grids] if grids else []
@@ -276,10 +283,10 @@ PAIRED = (
 )
 
 
-def _comparison(told: list[tuple[str, InteractResult | ReasonResult]]) -> Grid:
+def _comparison(told: list[tuple[str, Judged]]) -> Grid:
     (first_name, first), *others = told
-    table = INTERACTION if isinstance(first, InteractResult) else REASONING
-    keys = [key for key in table.keys if key in first.by_board]
+    called = COMPARED[type(first)]
+    keys = [key for key in called if key in first.by_board]
     lines = []
     for name, other in others:
         mine, theirs = ({key: one.model_dump() for key, one in each.by_board.items()} for each in (other, first))
@@ -287,11 +294,19 @@ def _comparison(told: list[tuple[str, InteractResult | ReasonResult]]) -> Grid:
         told_of = [found.get(key, {"difference": None}) for key in keys]
         cells = ["-" if one["difference"] is None else difference(one["difference"], one["p"]) for one in told_of]
         lines.append((_named(name, other), cells))
-    heads = [table.keys[key] for key in keys]
+    heads = [called[key] for key in keys]
     return plain_grid(heads, lines, f"against {_named(first_name, first)}, {first.boards} boards")
 
 
-def _named(name: str, result: InteractResult | ReasonResult) -> str:
+COMPARED: dict[type, dict[str, str]] = {
+    InteractResult: INTERACTION.keys,
+    ReasonResult: REASONING.keys,
+    WorldReason: {"parent_f1": "F1, objects", "link_parent_f1": "F1, links", "mechanism_accuracy": "mechanisms"},
+}
+"""What is compared board by board, and what it is called."""
+
+
+def _named(name: str, result: Judged) -> str:
     """Who was judged, and the end of the file's name: there may be several of them."""
     return f"{subject(result)} (`{'/'.join(Path(name).parts[-2:])}`)"
 
@@ -309,11 +324,11 @@ def _single(
     return [heading, grid, Items(tuple(items))]
 
 
-def subject(result: InteractResult | ReasonResult) -> str:
+def subject(result: Judged) -> str:
     """Who was judged, in short."""
     if isinstance(result, InteractResult):
         return f"{result.policy}{', strict' if result.strict else ''}"
-    return str(result.model)
+    return name_of(result) if isinstance(result, WorldReason) else str(result.model)
 
 
 def _single_grid(table: Table, result: InteractResult | ReasonResult) -> Grid:

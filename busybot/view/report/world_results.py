@@ -6,9 +6,9 @@ rows alike. Rows about the same boards make a group.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 PAPER = "paper"
 AFTER = (10, 22, 30)
@@ -18,6 +18,8 @@ OBSERVERS = {"observer": f"{OBSERVER}, truth", "observer-detected": f"{OBSERVER}
 """Rows of `benchmarks.tables.worlds` that no learner could be."""
 MOST_LETTERS, MOST_DIGITS = 60, 6
 """Of a name, and of a number of actions."""
+MOST_COUNTED = 10**9
+"""On one board."""
 _Found = TypeVar("_Found")
 
 
@@ -33,6 +35,19 @@ class Evaluation(ResultFile):
     dataset: dict[str, Any]
     seed: int | None = None
     command: str | None = None
+
+
+class OnBoards(ResultFile):
+    """What was counted on each board."""
+
+    part: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
+    whole: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
+
+    @model_validator(mode="after")
+    def _of_the_same_boards(self) -> "OnBoards":
+        if len(self.part) != len(self.whole):
+            raise ValueError("part and whole are of other numbers of boards")
+        return self
 
 
 class _OfWorld(Evaluation):
@@ -86,6 +101,7 @@ class WorldReason(_Judged):
     rewired_false_alarms: float | None = None
     proposal_p: float | None = None
     proposal_r: float | None = None
+    by_board: dict[str, OnBoards] = {}
 
 
 class Played(_Judged):
@@ -294,22 +310,28 @@ class WorldResults:
     def groups(self) -> dict[str, list[WorldRow]]:
         """Rows about the same boards, in the order in which they were given; what recordings determine comes last."""
         found: dict[str, list[WorldRow]] = {}
-        followed: dict[str, WorldReason] = {}
-        for result in self.reason.values():
-            words = boards_of(result)
-            found.setdefault(words, []).append(_row(result))
-            best = followed.setdefault(words, result)
-            if len(result.discovery) > len(best.discovery):
-                followed[words] = result
-        for words, result in followed.items():
-            if result.parent_f1_bound is not None:
-                found[words].append(_bound_row(result))
+        for words, results in self._by_recording().items():
+            found[words] = [_row(result) for result in results]
+            followed = max(results, key=lambda result: len(result.discovery))
+            if followed.parent_f1_bound is not None:
+                found[words].append(_bound_row(followed))
         for rows in self.tables.values():
             for world, own in rows.items():
                 found.setdefault(f"{world}: benchmarks.tables.worlds", []).extend(_rows(own))
         for sets in self.gates.values():
             for words, models in sets.items():
                 found.setdefault(words, []).extend(_judged_rows(models))
+        return found
+
+    def _by_recording(self) -> dict[str, list[WorldReason]]:
+        """Evaluations by what was recorded, in words: who acted is told where others acted on the same boards."""
+        recordings: dict[str, dict[object, list[WorldReason]]] = {}
+        for result in self.reason.values():
+            recordings.setdefault(boards_of(result), {}).setdefault(_content(result), []).append(result)
+        found: dict[str, list[WorldReason]] = {}
+        for words, own in recordings.items():
+            for content, results in own.items():
+                found[f"{words}, {_who_acted(results[0], content)}" if len(own) > 1 else words] = results
         return found
 
     def understood(self, world: str, reasoner: str, board_hash: object) -> float | None:
@@ -333,6 +355,16 @@ def boards_of(result: _OfWorld) -> str:
     """World and dataset in words; other boards of the same name have another hash."""
     told = result.dataset
     return f"{short(result.world)}: {short(told.get('name'))} ({short(told.get('split'))}), `{digest(told)}`"
+
+
+def _content(result: WorldReason) -> object:
+    return result.dataset.get("content_hash")
+
+
+def _who_acted(result: WorldReason, content: object) -> str:
+    """Who acted on the boards, and the recording's hash."""
+    extra = result.model_extra or {}
+    return f"recorded by {short(extra.get('policy') or '?')}, `{short(str(content).replace('`', '')[:8])}`"
 
 
 def digest(dataset: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from busybot.view.figures.discovery import discovery_figure
 from busybot.view.report.page import Block, Entry, Fold, Grid, Heading, Items, Picture, Text, number, spread
+from busybot.view.report.sections import compared
 from busybot.view.report.world_results import (
     AFTER,
     PlannedAgent,
@@ -61,6 +62,7 @@ def world_blocks(results: WorldResults, figures: Path) -> list[Block]:
         blocks += [Heading("Relations", 3), Text(PARENTS.format(AFTER[1])), _parents(groups), *_curves(groups, figures)]
         blocks += [Heading("Success and understanding", 3), Text(GAP), _understanding(groups)]
         blocks += _rewired(groups)
+        blocks += compared(results.reason)
     if results.played:
         blocks += [Heading("Played as text", 3), Text(PLAYED), _played(results.played)]
     if results.plans or results.plan_tables:

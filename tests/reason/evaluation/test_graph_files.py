@@ -149,6 +149,24 @@ def test_the_earliest_of_an_objects_lags_and_the_likeliest_of_equal_edges_count(
         assert graph.after(1)[0, 1] == 0.9 and graph.claimed(1).sum() == 3
 
 
+def test_mechanisms_and_lags_are_those_of_what_is_claimed(tmp_path: Path) -> None:
+    """Who says something of every pair that may be one is not judged by the least probable of them."""
+    claimed = {"from": 0, "to": 1, "probability": 0.9, "mechanism": "gate", "lag": 2}
+    weak = {"from": 3, "to": 1, "probability": 0.1, "mechanism": "delay", "lag": 0}
+    rest = {"from": 0, "to": 2, "probability": 0.2, "mechanism": "rest"}
+    (tmp_path / "graph.json").write_text(json.dumps({"edges": [weak, claimed, rest]}))
+    graph = read_graphs(tmp_path / "graph.json").of(make_episode(0))
+    assert graph.kinds == ("", "gate", "rest", "", "")
+    assert graph.lags is not None and graph.lags.tolist() == [-1, 2, -1, -1, -1]
+
+
+def test_graphs_of_boards_that_are_not_there_are_refused(dataset: Dataset, tmp_path: Path) -> None:
+    graphs = [{"board": index, "edges": []} for index in (*sorted(dataset.finished()), 99)]
+    (tmp_path / "graphs.json").write_text(json.dumps(graphs))
+    with pytest.raises(BusybotError, match="graphs.json: it has a graph of board 99"):
+        evaluate_dataset(dataset, ReasonEvaluation(given=read_graphs(tmp_path / "graphs.json")), workers=1)
+
+
 WRONG = {
     "no edges": ("{}", "graph.json: edges: Field required"),
     "another board": ('{"board": 1, "edges": []}', "it has no graph of board 0"),
@@ -175,6 +193,18 @@ WRONG = {
         '{"links": [{"id": 0, "of": 0, "steps": [1]}, {"id": 1, "of": 3, "steps": [0, 1]}], "edges": []}',
         "links 0 and 1 both have step 1",
     ),
+    "two nodes of one object": (
+        '{"nodes": [{"id": "a", "box": BOX}, {"id": "b", "box": BOX}], "edges": []}',
+        "nodes 'a' and 'b' are both object 1",
+    ),
+    "two models": (
+        '[{"model": "x", "edges": []}, {"model": "y", "board": 1, "edges": []}]',
+        "board 1 has the model 'y', and board 0 has 'x'",
+    ),
+    "two thresholds": (
+        '[{"edges": []}, {"threshold": 0.9, "board": 1, "edges": []}]',
+        "board 1 has the threshold 0.9, and board 0 has 0.5",
+    ),
     "two of a board": ('[{"edges": []}, {"edges": []}]', "a second graph of board 0"),
     "no JSON": ("graph", "not valid JSON"),
 }
@@ -183,7 +213,8 @@ WRONG = {
 @pytest.mark.parametrize("fault", WRONG)
 def test_what_is_wrong_is_named(fault: str, tmp_path: Path) -> None:
     text, message = WRONG[fault]
-    (tmp_path / "graph.json").write_text(text)
+    box = make_episode(0).image(0).boxes[1].tolist()
+    (tmp_path / "graph.json").write_text(text.replace("BOX", str(box)))
     with pytest.raises(BusybotError, match=message) as error:
         read_graphs(tmp_path / "graph.json").of(make_episode(0))
     assert "graph.json" in error.value.what and error.value.hint

@@ -22,6 +22,7 @@ from busybot.reason.evaluation.causes import (
     parents_at,
 )
 from busybot.reason.evaluation.causes_summary import KEYS, hamming, summarise_causes
+from busybot.reason.evaluation.ground_truth import states_of
 from busybot.reason.evaluation.what_if import HORIZON, TOUR, Recalled, contacts_of
 from busybot.reason.models.base import Imagining, InferredGraph, InferredLinks, Reasoner, imagine
 from busybot.reason.models.lookup import Persistence
@@ -147,12 +148,22 @@ def test_parents_at_the_level_of_links() -> None:
     probabilities = np.zeros((4, 3, 5))
     probabilities[1:, 1, 1], probabilities[3:, 0, 2], probabilities[3:, 2, 4] = 1, 1, 1
     claimed = np.zeros((5, 5, 5), bool)
-    counts = count_links(episode, InferredLinks(clusters, probabilities), 0.5, claimed)
+    candidates = watched(episode).candidates
+    counts = count_links(episode, InferredLinks(clusters, probabilities), 0.5, claimed, candidates)
     assert counts[0].sum(0).tolist() == [0, 0, 3] and counts[2].sum(0).tolist() == [1, 1, 3]
     assert counts[4].tolist() == [[0, 0, 0], [1, 1, 2], [1, 1, 1], [0, 0, 0], [0, 1, 0]]
+    own = probabilities.copy()
+    own[:, 1, 0] = own[:, 0, 3] = 1  # links of triggers that are said to control these: nobody asks that
+    again = count_links(episode, InferredLinks(clusters, own), 0.5, claimed, candidates)
+    np.testing.assert_array_equal(again, counts)
     graph = replace(claims(steps=4), links=InferredLinks(clusters, probabilities))
     told = summary((episode, judge_causes(watched(episode, images=5), graph)), images=5)
     assert (told["link_parent_p"], told["link_parent_r"]) == (pytest.approx(2 / 3), pytest.approx(2 / 3))
+
+
+def test_a_step_is_of_all_kinds_that_read_its_link_then() -> None:
+    truth = states_of(play([AND, FOLLOWS], (0, 3, 0, 3)))
+    assert truth is not None and truth.kinds == (("gate",), ("gate", "one-to-one")) * 2
 
 
 def test_what_was_believed_without_later_pictures_counts_where_it_is_known() -> None:

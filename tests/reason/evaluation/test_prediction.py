@@ -73,7 +73,7 @@ def test_truth_of_states_by_hand() -> None:
     truth = states_of(episode)
     assert truth is not None and truth.states.shape == (7, 5)
     assert (truth.states[:, [0, 3]] == -1).all() and (truth.states[:, [1, 2, 4]] >= 0).all()
-    assert truth.kinds[2] == NOTHING_HELD and truth.links[2] == -1 and not truth.success[2]
+    assert truth.kinds[2] == (NOTHING_HELD,) and truth.links[2] == -1 and not truth.success[2]
     held = [step.acted_object for step in episode.steps]
     assert [episode.links[k].object if k >= 0 else -1 for k in truth.links] == held
     assert states_of(make_real_episode()) is None
@@ -122,7 +122,7 @@ def by_hand() -> JudgedPrediction:
         judged=np.array([False, True, True, False, False]),
         successful=np.array([True, True, True, False]),
         held=np.array([0, 0, 3, -1]),
-        kinds=("one-to-one", "one-to-one", "one-to-many-effects", NOTHING_HELD),
+        kinds=(("one-to-one",), ("one-to-one", "gate"), ("one-to-many-effects",), (NOTHING_HELD,)),
         right={NEAREST: right, BOUND: ~none, PERSISTENCE: ~changed},
         reads={NEAREST: np.ones((9, 5), bool)},
         by_images={2: {NEAREST: none, BOUND: ~none}},
@@ -142,6 +142,7 @@ def test_summary_by_hand() -> None:
     kinds = result["pred_by_kind"]
     assert {kind: (kinds[kind]["pred_a"], kinds[kind]["steps"]) for kind in kinds} == {
         "one-to-one": (0.5, 2),
+        "gate": (0.0, 1),
         "one-to-many-effects": (0.0, 1),
         NOTHING_HELD: (1.0, 1),
     }

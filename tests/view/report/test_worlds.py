@@ -135,6 +135,30 @@ def test_rewirings_are_shown_where_something_was_rewired(tmp_path: Path) -> None
     assert row(text, "exact observer", "Rewired") == ["12", "100.0", "75.0", "0.00 |"]
 
 
+def test_recordings_of_the_same_boards_are_told_apart(tmp_path: Path) -> None:
+    def judged(model: str, content: str, policy: str, part: int, bound: float) -> dict[str, Any]:
+        counts = {"parent_f1": {"part": [part] * 6, "whole": [4] * 6}}
+        told = {"dataset": DATASET | {"content_hash": content}, "by_board": counts, "policy": policy}
+        return reasoned(model=model, parent_f1_bound=bound, **told)
+
+    files = {
+        "a": judged("mechanism", "c1", "scripted", 4, 0.9),
+        "b": judged("mechanism", "c2", "random", 1, 0.7),
+        "c": judged("mine", "c1", "scripted", 3, 0.9),
+    }
+    report(tmp_path, **files)
+    groups = read_results([tmp_path]).worlds.groups()
+    assert [words.split("`abababab`, ")[1] for words in groups] == [
+        "recorded by scripted, `c1`", "recorded by random, `c2`",
+    ]  # fmt: skip
+    assert [[row.name for row in rows] for rows in groups.values()] == [
+        ["mechanism", "mine", "exact observer"], ["mechanism", "exact observer"],
+    ]  # fmt: skip
+    text = (tmp_path / "report" / "report.md").read_text()
+    told = text.split("### On the same boards")[1].split("##")[0]
+    assert "| mine" in told and "-25.0 (0.031)" in told and "`c2`" not in told
+
+
 def test_the_papers_world_stays_in_its_tables(tmp_path: Path) -> None:
     shares = dict.fromkeys(
         ("edge_p", "edge_r", "edge_r_bound", "pred_a_successful", "pred_a_bound", "ece", "brier"), 0.9

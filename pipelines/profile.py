@@ -137,6 +137,11 @@ class Tasks(_Plain):
     shown: str
     recorded: Count
 
+    @property
+    def cells(self) -> dict[str, tuple[Split, Kind]]:
+        """Split and kind by the name of their outputs."""
+        return {f"{split}-{kind}": (split, kind) for split in self.splits for kind in self.kinds}
+
 
 class Profile(_Plain):
     """All of `params.yaml`.
@@ -171,6 +176,31 @@ class Profile(_Plain):
         if self.data.images > self.data.steps:
             raise ValueError("data.images: no step is left to predict")
         return self
+
+
+class _Installed(Profile):
+    """What `install` makes of a profile.
+
+    Attributes:
+        objects: where they lie.
+    """
+
+    objects: str
+
+
+def profile_of(run: Path, params: Path = FOLDER.parent / PARAMS) -> Profile:
+    """What a run was asked for: the pipeline's values where they are its profile's, else the profile itself.
+
+    What was asked for formerly stays in a run's folder: DVC leaves outputs of stages that are no more.
+
+    Raises:
+        BusybotError: there is no such profile, or a value is wrong; names the file and the value.
+    """
+    if params.is_file():
+        installed = build(_Installed, params, [], {})
+        if installed.profile == run.name:
+            return installed
+    return read_profile(run.name)
 
 
 def read_profile(name: str, folder: Path = FOLDER) -> Profile:

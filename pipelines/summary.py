@@ -2,34 +2,40 @@
 
     python -m pipelines.summary runs/smoke
 
-Reads what the other stages left behind; writes `metrics.json` and `curves.tsv` beside it, in the forms that DVC asks
-for, which are numbers alone: where they come from is told by the results that they are taken from.
+Reads what the other stages left behind of what the run's profile asks for; writes `metrics.json` and `curves.tsv`
+beside it, in the forms that DVC asks for, which are numbers alone: where they come from is told by the results that
+they are taken from.
 """
 
 import csv
 import io
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import read_json, write_atomically
 from busybot.training.run_folder import read_metrics
+from pipelines.profile import Profile, profile_of
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),
     "relations": ("relations/{}/result.json", ("edge_p", "edge_r", "edge_r_bound", "pred_a", "pred_a_bound", "boards")),
     "plan": ("planned/{}/result.json", ("success", "tasks")),
 }
-SPLITS = ("train", "validation", "novel-config", "novel-object")
-KINDS_OF_TASKS = ("one-to-one", "one-to-many")
 
 
-def metrics(run: Path) -> dict[str, Any]:
+def metrics(run: Path, asked: Profile) -> dict[str, Any]:
     """By skill and split; what a stage did not make is left out."""
     found: dict[str, Any] = {}
+    splits: dict[str, Iterable[str]] = {
+        "interact": asked.judge.splits,
+        "relations": asked.relations.sets,
+        "plan": asked.tasks.cells,
+    }
     for skill, (place, keys) in SHOWN.items():
-        for split in (*SPLITS, *(f"{split}-{kind}" for split in SPLITS for kind in KINDS_OF_TASKS)):
+        for split in splits[skill]:
             file = run / place.format(split)
             if file.is_file():
                 result = read_json(file)
@@ -50,7 +56,7 @@ def curves(run: Path) -> str:
 
 def main() -> None:
     run = Path(sys.argv[1])
-    write_atomically(run / "metrics.json", (json.dumps(metrics(run), indent=1) + "\n").encode())
+    write_atomically(run / "metrics.json", (json.dumps(metrics(run, profile_of(run)), indent=1) + "\n").encode())
     write_atomically(run / "curves.tsv", curves(run).encode())
 
 

@@ -2,7 +2,8 @@
 
     python -m pipelines.tables runs/smoke
 
-writes `runs/smoke/tables`. What a stage did not make is left out, and shown as missing in the report.
+writes `runs/smoke/tables`: what the run's profile asks for, whatever else former values left in its folder. What a
+stage did not make is left out, and shown as missing in the report.
 """
 
 import shutil
@@ -14,27 +15,27 @@ from typing import Any
 from busybot.common.atomic_io import read_json
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
+from pipelines.profile import Profile, profile_of
 from pipelines.stage import STATE, Note, note_of
 
 NOVEL = ("novel-config", "novel-object")
-SETS = ("validation", *NOVEL)
 
 
-def interaction(run: Path) -> dict[str, Any]:
+def interaction(run: Path, asked: Profile) -> dict[str, Any]:
     """Rows of Table 1: the trained policy under its variant and seed, and chance."""
     rows = {}
     model = _known(run / "interact" / "model" / "model.json")
     if model is not None:
         training = model["training"] | {"cost": _cost(run / "interact")}
         name = "paper" if model.get("variant") == "paper" else f"free-{training['seed']}"
-        rows[name] = {"training": training, **_judged(run, "", [run / "interact"])}
-    rows["random"] = {"training": None, **_judged(run, "-random", [])}
+        rows[name] = {"training": training, **_judged(run, asked, "", [run / "interact"])}
+    rows["random"] = {"training": None, **_judged(run, asked, "-random", [])}
     return rows
 
 
-def _judged(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+def _judged(run: Path, asked: Profile, suffix: str, outs: list[Path]) -> dict[str, Any]:
     found = {}
-    for split, out, result in _results(run, "judged", NOVEL, suffix):
+    for split, out, result in _results(run, "judged", asked.judge.splits, suffix):
         found[split] = result
         outs = [*outs, run / "judge" / split, out]
     return {"commands": typed(outs), **found}
@@ -48,36 +49,36 @@ def _results(run: Path, place: str, names: Iterable[str], suffix: str = "") -> I
             yield name, out, read_json(out / "result.json")
 
 
-def reasoning(run: Path) -> dict[str, Any]:
+def reasoning(run: Path, asked: Profile) -> dict[str, Any]:
     """Rows of Table 2: the trained model under its kind, and those that learn nothing."""
     rows = {}
     model = _known(run / "reason" / "model" / "model.json")
     if model is not None:
         training = model["training"] | {"cost": _cost(run / "reason")}
         before = [run / "data" / "train", run / "data" / "train.features", run / "reason"]
-        rows[model["model"]] = {"training": [training], **_inferred(run, "", before)}
-    for row in REASONING.rows:
-        told = _inferred(run, f"-{row.name}", [])
+        rows[model["model"]] = {"training": [training], **_inferred(run, asked, "", before)}
+    for name in asked.relations.baselines:
+        told = _inferred(run, asked, f"-{name}", [])
         if told["splits"]:
-            rows[row.name] = {"training": [], **told}
+            rows[name] = {"training": [], **told}
     return rows
 
 
-def _inferred(run: Path, suffix: str, outs: list[Path]) -> dict[str, Any]:
+def _inferred(run: Path, asked: Profile, suffix: str, outs: list[Path]) -> dict[str, Any]:
     found = {}
-    for name, out, result in _results(run, "relations", SETS, suffix):
+    for name, out, result in _results(run, "relations", asked.relations.sets, suffix):
         scores = {key: result[key] for key in REASONING.keys}
         found[name] = {"mean": scores, "least": scores, "most": scores, "seeds": [result]}
         outs = [*outs, run / "data" / name, run / "data" / f"{name}.features", out]
     return {"commands": typed(outs), "splits": found}
 
 
-def planning(run: Path) -> dict[str, Any]:
+def planning(run: Path, asked: Profile) -> dict[str, Any]:
     """Rows of Table 3: all agents that played."""
     rows: dict[str, Any] = {row.name: {"splits": {}} for row in PLANNING.rows}
-    cells, outs = {f"{split}-{kind}": (split, kind) for split, kind in PLANNING.columns()}, []
-    for name, out, result in _results(run, "planned", cells):
-        split, kind = cells[name]
+    outs: list[Path] = []
+    for name, out, result in _results(run, "planned", asked.tasks.cells):
+        split, kind = asked.tasks.cells[name]
         for agent, scores in result["agents"].items():
             rows.setdefault(agent, {"splits": {}})["splits"].setdefault(split, {})[kind] = scores
         outs += [run / "tasks" / name, out]
@@ -119,7 +120,8 @@ def _known(file: Path) -> Any:
 
 def main() -> None:
     run = Path(sys.argv[1])
-    tables = {"table1": interaction(run), "table2": reasoning(run), "table3": planning(run)}
+    asked = profile_of(run)
+    tables = {"table1": interaction(run, asked), "table2": reasoning(run, asked), "table3": planning(run, asked)}
     assets = {
         result["dataset"]["assets"] for row in tables["table1"].values() for result in map(row.get, NOVEL) if result
     }

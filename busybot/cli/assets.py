@@ -11,6 +11,7 @@ import typer
 from busybot.cli.common import answer, check_file, console, counted, episode_progress, print_json, say, tell
 from busybot.cli.options import DeviceOption, JsonOption, SeedOption
 from busybot.common.errors import BusybotError
+from busybot.common.text import one_line
 
 if TYPE_CHECKING:
     from busybot.objects.importing.annotation_edits import Overrides
@@ -77,9 +78,9 @@ def check(
         print_json({"ok": not bad, "checked": checked, "problems": bad, "questions": asked})
     else:
         for finding in asked:
-            tell(_one_line(f"{finding.name}: question: {finding.question} (hint: {finding.hint})"))
+            tell(one_line(f"{finding.name}: question: {finding.question} (hint: {finding.hint})"))
         for finding in bad:
-            tell(_one_line(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})"))
+            tell(one_line(f"{finding.name}: {finding.problem} (hint: {finding.hint or 'see the documentation'})"))
         names = len({finding.name for finding in bad})
         doubts = f", {counted(len(asked), 'question')}" if asked else ""
         tell(f"{folder}: {checked} checked, {f'{names} bad' if bad else 'nothing is wrong'}{doubts}")
@@ -115,7 +116,7 @@ def import_raw(
     outcomes = []
     for outcome in import_objects(folders, out, given, split, replace):
         done = f"{outcome.name}: {outcome.done}{f' as {outcome.key}' if outcome.key else ''}{_refusal(outcome)}"
-        say("\n  ".join(map(_one_line, (done, *outcome.notes, *(f"question: {one}" for one in outcome.questions)))))
+        say("\n  ".join(map(one_line, (done, *outcome.notes, *(f"question: {one}" for one in outcome.questions)))))
         outcomes.append(outcome)
     if review is not None:
         proposals = {one.name: (one.choices, one.notes, one.questions) for one in outcomes if one.choices}
@@ -152,7 +153,7 @@ def _unused(given: "Overrides | None", folders: list[Path]) -> list[str]:
     """Names that were reviewed, but whose objects were not given; says so."""
     unused = sorted(set(given.choices) - {folder.name for folder in folders}) if given else []
     if unused and given:
-        say(_one_line(f"{given.path}: names objects that were not given: {', '.join(unused[:5])}"))
+        say(one_line(f"{given.path}: names objects that were not given: {', '.join(unused[:5])}"))
     return unused
 
 
@@ -195,11 +196,6 @@ def _refusal(outcome: "ImportOutcome") -> str:
     if not outcome.problem:
         return ""
     return f": {outcome.problem}{f' (hint: {outcome.hint})' if outcome.hint else ''}"
-
-
-def _one_line(text: str) -> str:
-    """With line feeds as escapes: a folder's name may hold some, and what follows would look like a line of ours."""
-    return text.replace("\n", "\\n")
 
 
 @app.command()

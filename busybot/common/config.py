@@ -217,15 +217,18 @@ def check_tokens(where: str, text: str) -> None:
             raise BusybotError(f"{where}: more than the {MAX_TOKENS} words and signs allowed", "divide the file")
 
 
-def parse_yaml(text: str, where: str) -> Any:
+def parse_yaml(text: str, where: str, words: bool = False) -> Any:
     """The value of a YAML text.
+
+    Args:
+        words: take every value for a word. Programs disagree on which words are numbers, times or truth values.
 
     Raises:
         BusybotError: naming `where`, the line and what is wrong.
     """
     try:
         check_tokens(where, text)
-        return yaml.safe_load(text)
+        return yaml.load(text, yaml.BaseLoader if words else yaml.SafeLoader)  # neither makes objects
     except (yaml.YAMLError, RecursionError, ValueError) as error:  # of numbers with thousands of digits
         raise BusybotError(f"{where}{yaml_fault(error)}", "compare with the examples in the documentation") from None
 

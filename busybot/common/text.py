@@ -3,14 +3,20 @@
 import re
 
 _UNSEEN = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u202a-\u202e\u2066-\u2069\ufeff\ufffe\uffff\ud800-\udfff]"
 )
-"""Controls of terminals, marks that turn the direction of text, halves of surrogate pairs; not tab and line feed."""
+"""Controls of terminals, marks that turn the direction of text, halves of surrogate pairs and what is no character; not
+tab and line feed."""
 
 
 def plain(text: object) -> str:
     """The text with all that a terminal, a page or an encoder would take for something else as escapes, as `\\x1b`."""
     return _UNSEEN.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
+
+
+def one_line(text: object) -> str:
+    """The same, with line feeds as escapes, too: what follows one would look like a line of ours."""
+    return plain(text).replace("\n", "\\n")
 
 
 def unlinked(value: object) -> object:

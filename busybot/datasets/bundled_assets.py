@@ -12,11 +12,14 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from busybot.boards.config import SPLITS
 from busybot.boards.generate import GENERATOR_VERSION
 from busybot.boards.scenes import SCENES
 from busybot.common.atomic_io import inside, write_atomically
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
+from busybot.common.frozen_model import first_fault
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import IMPORTED
@@ -75,6 +78,21 @@ class Assets:
     files: dict[str, bytes]
     boards_again: bool = False
     left_out: tuple[str, ...] = ()
+
+
+def check_licence(stated: str | None) -> None:
+    """Refuse as a licence what a manifest cannot tell.
+
+    Raises:
+        UsageError: naming the option that states it.
+    """
+    if stated is None:
+        return
+    try:
+        AssetEntry(sha256="0" * 64, licence=stated, carried=False)
+    except ValidationError as error:
+        what = f"--licence {stated[:40]!r}: {first_fault(error).removeprefix('licence: ')}"
+        raise UsageError(what, "give an SPDX identifier, as CC-BY-4.0") from None
 
 
 def plan_assets(dataset: Dataset, library: Library | None, carry: bool, stated: str | None) -> Assets:

@@ -10,6 +10,7 @@ A pointer and what a remote answers may come from anybody: both may name nothing
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import tempfile
@@ -21,7 +22,16 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, ValidationError
 
-from busybot.common.atomic_io import copy_file, make_folder, open_regular, remove, rename, scan, write_atomically
+from busybot.common.atomic_io import (
+    copy_file,
+    make_folder,
+    one_writer,
+    open_regular,
+    remove,
+    rename,
+    scan,
+    write_atomically,
+)
 from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
@@ -37,7 +47,10 @@ from busybot.datasets.manifest import (
 
 LARGEST_POINTER = 10_000
 LARGEST_LISTING = 1 << 30
-REMOTE = "shared"
+REMOTE, POINTER = "shared", "pointer.dvc"
+ERROR = "ERROR: "
+"""How lines of DVC begin that tell why."""
+MD5 = re.compile(r"[0-9a-f]{32}")
 OWN_TOOL = Path(__file__).resolve().parents[2] / ".tools" / "dvc" / "bin" / "dvc"
 """Where `make dvc` puts it."""
 
@@ -81,11 +94,12 @@ def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     if not is_frozen(dataset):
         raise BusybotError(f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {dataset}")
     _must_be_whole(dataset)
+    plain_files(dataset)  # DVC would send what a link leads to
     place = _folder_of(dataset)
     pointer = pointer_of(place)
     with tempfile.TemporaryDirectory(prefix="busybot-push-") as folder:
         dvc = _Repository(Path(folder), remote, endpoint)
-        dvc.run("add", "--quiet", "--to-remote", "--remote", REMOTE, str(place.resolve()))
+        dvc.run("add", "--to-remote", "--remote", REMOTE, str(place.resolve()))
         text = (Path(folder) / pointer.name).read_bytes()
         out = read_pointer(Path(folder) / pointer.name, place.name)
     write_atomically(pointer, text)
@@ -114,18 +128,48 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     work = dataset.parent / f".{dataset.name}.pull"
     make_folder(work, dataset.parent)
     plain_files(work)
-    dvc = _Repository(work, remote, endpoint)
-    copy_file(pointer, work / pointer.name, dataset.parent)
-    dvc.run("fetch", "--quiet", pointer.name)
-    check_listing(work / ".dvc" / "cache" / "files" / "md5" / out.md5[:2] / out.md5[2:])
-    dvc.run("checkout", "--quiet", "--force", pointer.name)
-    fetched = work / dataset.name
+    with one_writer(work):
+        _fetch(work, pointer, out, _Repository(work, remote, endpoint), remote)
+        rename(work / dataset.name, dataset, dataset.parent)
+        remove(work, dataset.parent)
+    return Shared(dataset, pointer, out.nfiles, out.size)
+
+
+def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str) -> None:
+    """Make the dataset in the repository `work`; what is not what it should be is not kept for the next time.
+
+    Raises:
+        BusybotError: see `pull`.
+    """
+    copy_file(pointer, work / POINTER, work.parent)  # under this name, for DVC reads `a:b.dvc` as a stage of `a`
+    dvc.run("fetch", POINTER)
+    listing = _cached(work, out.md5)
+    if not listing.is_file():
+        raise BusybotError(
+            f"{remote}: it does not hold what {pointer} means", "is it the --remote that it was sent to?"
+        )
+    try:
+        entries = check_listing(listing)
+    except BusybotError:
+        remove(listing, work)
+        raise
+    dvc.run("checkout", "--force", POINTER)
+    fetched = work / out.path
     if not is_frozen(fetched):
         raise BusybotError(f"{pointer}: what it points to is no frozen dataset", "ask who shared it for another one")
-    _must_be_whole(fetched)
-    rename(fetched, dataset, dataset.parent)
-    remove(work, dataset.parent)
-    return Shared(dataset, pointer, out.nfiles, out.size)
+    if faults := list(unlike_manifest(fetched, read_manifest(fetched))):
+        for name, *_ in faults:
+            if name in entries:
+                remove(_cached(work, entries[name]), work)
+        remove(fetched, work)
+        name, fault, _ = faults[0]
+        what = f"{remote}: {name} came from there, {fault}"
+        raise BusybotError(what, "do the same again; if that does not help, fetch it from another remote")
+
+
+def _cached(work: Path, digest: str) -> Path:
+    """Where DVC keeps what it fetched."""
+    return work / ".dvc" / "cache" / "files" / "md5" / digest[:2] / digest[2:]
 
 
 def pointer_of(dataset: Path) -> Path:
@@ -172,7 +216,8 @@ def read_pointer(pointer: Path, name: str) -> _Out:
     if pointer.stat().st_size > LARGEST_POINTER:
         raise BusybotError(f"{pointer}: too large for a pointer", hint)
     try:
-        out = _Pointer.model_validate(parse_yaml(pointer.read_text(encoding="utf-8"), str(pointer))).outs[0]
+        told = parse_yaml(pointer.read_text(encoding="utf-8"), str(pointer), words=True)
+        out = _Pointer.model_validate(told).outs[0]
     except ValidationError as error:
         raise BusybotError(f"{pointer}: {first_fault(error)}", hint) from None
     except UnicodeDecodeError as error:
@@ -182,8 +227,8 @@ def read_pointer(pointer: Path, name: str) -> _Out:
     return out
 
 
-def check_listing(listing: Path) -> None:
-    """Refuse a remote's list of files that names one outside of the folder.
+def check_listing(listing: Path) -> dict[str, str]:
+    """The MD5 of each file of a remote's list, if none is outside of the folder.
 
     Raises:
         BusybotError: it does, or it is damaged.
@@ -192,13 +237,15 @@ def check_listing(listing: Path) -> None:
     if listing.stat().st_size > LARGEST_LISTING:
         raise BusybotError(f"{listing}: too large for a list of files", hint)
     try:
-        entries = json.loads(listing.read_bytes())
-        names = [str(entry["relpath"]) for entry in entries]
+        entries = {str(entry["relpath"]): str(entry["md5"]) for entry in json.loads(listing.read_bytes())}
     except (ValueError, TypeError, KeyError, RecursionError):
         raise BusybotError(f"{listing}: not a list of files", hint) from None
-    for name in names:
+    for name, digest in entries.items():
         if not is_plain_path(name):
             raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", hint)
+        if not MD5.fullmatch(digest):
+            raise BusybotError(f"{listing}: {name!r} has no MD5", hint)
+    return entries
 
 
 def _must_be_whole(dataset: Path) -> None:
@@ -212,9 +259,9 @@ class _Repository:
     def __init__(self, folder: Path, remote: str, endpoint: str | None):
         self.folder, self.tool = folder, find_tool()
         if not (folder / ".dvc" / "config").is_file():
-            self.run("init", "--no-scm", "--quiet", "--force")
+            self.run("init", "--no-scm", "--force")
         self.run("config", "cache.type", "hardlink,copy")
-        self.run("remote", "add", "--quiet", "--force", "--default", REMOTE, address(remote))
+        self.run("remote", "add", "--force", "--default", REMOTE, address(remote))
         if endpoint is not None:
             self.run("remote", "modify", REMOTE, "endpointurl", endpoint)
 
@@ -226,24 +273,31 @@ class _Repository:
             command, cwd=self.folder, env=environment, capture_output=True, text=True, stdin=subprocess.DEVNULL
         )
         if done.returncode:
-            said = [line for line in done.stderr.splitlines() if line.strip()] or ["no word about why"]
-            raise BusybotError(
-                f"DVC cannot {arguments[0]}: {said[0].removeprefix('ERROR: ')}", "mend it and do the same again"
-            )
+            said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+            why = next((line for line in said if line.startswith(ERROR)), (said or ["no word about why"])[0])
+            raise BusybotError(f"DVC cannot {arguments[0]}: {why.removeprefix(ERROR)}", "mend it and do the same again")
 
 
 def address(remote: str) -> str:
     """What DVC gets to know: folders in full, other addresses as they are.
 
     Raises:
-        BusybotError: the address holds a password, which everybody could read in the list of processes.
+        BusybotError: the address holds a password, which everybody could read in the list of processes, or is a folder
+            that DVC cannot name.
     """
     parts = urlsplit(remote)
     if parts.password is not None:
         raise BusybotError(
             "the address of the remote holds a password", "give it in the environment, as AWS_SECRET_ACCESS_KEY"
         )
-    return remote if parts.scheme else str(Path(remote).expanduser().resolve())
+    if parts.scheme:
+        return remote
+    folder = str(Path(remote).expanduser().resolve())
+    if not folder.isascii():
+        raise BusybotError(
+            f"{folder}: DVC knows no remote whose path is not plain ASCII", "name a folder without accents"
+        )
+    return folder
 
 
 def find_tool() -> str:

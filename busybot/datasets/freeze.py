@@ -33,7 +33,7 @@ from busybot.common.errors import BusybotError
 from busybot.common.installed import installed_version
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.common.text import markdown_code, markdown_text
-from busybot.datasets.bundled_assets import Assets, plan_assets, write_carried
+from busybot.datasets.bundled_assets import Assets, check_licence, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import IMPORTED, collect_command
 from busybot.datasets.manifest import (
@@ -180,8 +180,9 @@ def freeze(
 
     Raises:
         BusybotError: episodes are missing, something is wrong with the dataset or does not belong to it, a link is in
-            it, or another process writes into it.
+            it, or another process writes into it; or a manifest cannot tell the licence.
     """
+    check_licence(licence)
     dataset = Dataset.open(path)
     if is_frozen(path):
         manifest = read_manifest(path)

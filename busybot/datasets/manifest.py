@@ -197,14 +197,18 @@ def refuse_unlike_manifest(path: Path, hashes: Digests, checksums: bool) -> None
 def unlike_manifest(
     path: Path, manifest: Manifest, workers: int = 1, passed: tuple[str, ...] = ()
 ) -> Iterator[tuple[str, str, str]]:
-    """Files that are missing, changed or not in the manifest: (path in the dataset, fault, hint).
+    """Files that are missing, changed or not in the manifest, and links: (path in the dataset, fault, hint).
 
     Hidden files are passed over: version control and download tools put theirs beside the data.
 
     Args:
         passed: only the size is compared of files whose path begins so.
     """
-    found = scan(path).files
+    scanned = scan(path)
+    found = scanned.files
+    for name in scanned.others:
+        if not _hidden(name):
+            yield name, "neither a file nor a folder but a link or device", "put a copy of the file in its place"
     for name in sorted(manifest.files.keys() - found.keys()):
         yield name, "missing; the manifest lists it", HINT_FETCH
     shared = sorted(manifest.files.keys() & found.keys())
@@ -216,5 +220,9 @@ def unlike_manifest(
         elif name in entries and entries[name] != manifest.files[name]:
             yield name, "its content changed after freezing: another SHA-256 than the manifest's", HINT_FETCH
     for name in sorted(found.keys() - manifest.files.keys() - {MANIFEST_FILE}):
-        if not any(part.startswith(".") for part in name.split("/")):
+        if not _hidden(name):
             yield name, "not in the manifest", "move it out of the dataset"
+
+
+def _hidden(name: str) -> bool:
+    return any(part.startswith(".") for part in name.split("/"))

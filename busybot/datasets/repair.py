@@ -14,17 +14,18 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from busybot.common.atomic_io import inside, read_regular, remove, write_atomically
+from busybot.common.atomic_io import copy_file, inside, read_regular, remove, write_atomically
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.limits import MAX_HASHED_BYTES, MAX_RECORDING_BYTES
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
-from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
+from busybot.datasets.dataset import DAMAGED_FOLDER, OBJECTS_FOLDER, Dataset
 from busybot.datasets.info import DatasetInfo
 from busybot.datasets.manifest import is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.salvage import Salvaged, salvage
 from busybot.episodes.tables import Rows, episode_rows
+from busybot.objects.library import SPLIT_FILE
 
 Fate = Literal["sound", "whole", "partial", "dropped"]
 
@@ -96,7 +97,16 @@ def repair(
         raise BusybotError(f"{out}: it is the damaged dataset itself, or lies in it", "name another folder")
     target = continue_or_create(out, dataset.info, dataset.boards())
     with target.locked():
+        _copy_objects(path, out)
         return _repair(dataset, target, keep_partial, workers, progress)
+
+
+def _copy_objects(source: Path, target: Path) -> None:
+    """Put the objects that a dataset carries into another one, the list of all last: with it they are there."""
+    names = [name for name in plain_files(source) if name.startswith(f"{OBJECTS_FOLDER}/")]
+    for name in sorted(names, key=lambda name: name == f"{OBJECTS_FOLDER}/{SPLIT_FILE}"):
+        if not (target / name).exists():
+            copy_file(source / name, target / name, target)
 
 
 def _repair(

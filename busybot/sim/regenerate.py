@@ -1,11 +1,13 @@
 """Regenerates a dataset: boards from the recorded configuration, actions executed again, hashes compared.
 
 Boards and discrete states must be equal, joints within 1e-5, images equal where the renderer's fingerprint is the
-recorded one, else close (`episodes.episode_diff`). The result is a dataset of its own; a stopped call continues.
+recorded one, else close (`episodes.episode_diff`). The result is a dataset of its own; a stopped call continues: what
+an earlier one replayed is believed as far as today's packages and renderer made it, and counted apart.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +16,16 @@ from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.create import boards_again, continue_or_create
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
-from busybot.episodes.episode import Episode
 from busybot.episodes.episode_diff import Difference, ImageDifference, Rule, compare_episodes, rule_for
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
 from busybot.episodes.tables import Rows, episode_rows
 from busybot.objects.library import Library
 from busybot.sim.collect import episode_seconds, store_tables
+from busybot.sim.recorder import recorded_versions, renderer_fingerprint
 from busybot.sim.replay import act_again, render_config
 from busybot.sim.scene.board_scene import Simulator
+from busybot.sim.scene.render import RenderConfig
 
 
 @dataclass
@@ -33,7 +36,8 @@ class Regenerated:
         boards: how many there are.
         boards_from: `configuration`, or `dataset` where another generator made them and they were taken as they are.
         boards_unlike: boards that came out otherwise; their episodes were not replayed.
-        episodes: how many were replayed and compared, by the rule that applied to their images.
+        episodes: how many were compared, by the rule that applied to their images.
+        replayed: how many of them this call replayed; the others were in `out`, made by today's versions and renderer.
         failed: those that do not hold, and how they differ.
         joints: the largest difference of a joint's position; `image`: the worst of all images.
     """
@@ -43,6 +47,7 @@ class Regenerated:
     boards_from: str
     boards_unlike: list[int]
     episodes: dict[Rule, int] = field(default_factory=lambda: {"equal": 0, "close": 0})
+    replayed: int = 0
     failed: dict[int, Difference] = field(default_factory=dict)
     joints: float = 0.0
     image: ImageDifference = field(default_factory=ImageDifference)
@@ -51,9 +56,10 @@ class Regenerated:
     def ok(self) -> bool:
         return self.boards_from == "configuration" and not self.boards_unlike and not self.failed
 
-    def add(self, index: int, difference: Difference, rule: Rule) -> None:
+    def add(self, index: int, difference: Difference, rule: Rule, replayed: bool) -> None:
         """Count in how an episode compares."""
         self.episodes[rule] += 1
+        self.replayed += replayed
         if not difference.holds(rule):
             self.failed[index] = difference
         self.joints, self.image = max(self.joints, difference.joints), self.image.worst(difference.image)
@@ -87,8 +93,8 @@ def regenerate(
     def compared() -> Iterator[tuple[int, Rows]]:
         arguments, seconds = (path, out, library, collect), episode_seconds(collect.steps)
         results = run_tasks(indices, _make_work, arguments, workers, task_seconds=seconds)
-        for index, (rows, difference, rule) in results:
-            found.add(index, difference, rule)
+        for index, (rows, difference, rule, replayed) in results:
+            found.add(index, difference, rule, replayed)
             yield index, rows
 
     with target.locked():
@@ -99,23 +105,34 @@ def regenerate(
 
 
 def _make_work(path: Path, out: Path, library: Library, collect: CollectInfo) -> Callable[[int], Any]:
-    """What a worker does with an episode's index: replay and write it, unless it is there, and compare."""
+    """What a worker does with an episode's index: replay and write it, unless today's is there, and compare."""
     source, target = Dataset.open(path), Dataset.open(out)
-    simulators: dict[str, Simulator] = {}
 
-    def play(index: int, recorded: Episode) -> Episode:
-        config = render_config(recorded)
-        look = config.model_dump_json()
-        if look not in simulators:
-            simulators[look] = Simulator(library, config, bool(collect.settings.get("responders", True)))
-        return act_again(simulators[look], target.board(index), recorded)
+    @cache
+    def simulator(config: RenderConfig) -> Simulator:
+        return Simulator(library, config, bool(collect.settings.get("responders", True)))
 
-    def work(index: int) -> tuple[Rows, Difference, Rule]:
-        file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")
+    @cache
+    def renderer(config: RenderConfig) -> dict[str, Any]:
+        """Today's, which is the same for all boards."""
+        return renderer_fingerprint(simulator(config).board(target.board(0)))
+
+    def of_today(file: Path, config: RenderConfig) -> bool:
         if not file.exists():
+            return False
+        there = read_episode(file, images="lazy")
+        return there.versions == recorded_versions() and there.renderer == renderer(config)
+
+    def work(index: int) -> tuple[Rows, Difference, Rule, bool]:
+        file, recorded = target.episode_path(index), read_episode(source.episode_path(index), images="lazy")
+        with naming(source.episode_path(index)):
+            config = render_config(recorded)
+        replayed = not of_today(file, config)
+        if replayed:
             with naming(source.episode_path(index)):
-                write_episode(file, play(index, recorded), collect.images, out)
+                episode = act_again(simulator(config), target.board(index), recorded)
+                write_episode(file, episode, collect.images, out)
         again = read_episode(file, images="lazy")
-        return episode_rows(file, index), compare_episodes(recorded, again), rule_for(recorded, again)
+        return episode_rows(file, index), compare_episodes(recorded, again), rule_for(recorded, again), replayed
 
     return work

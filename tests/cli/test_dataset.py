@@ -9,6 +9,7 @@ from typer.testing import CliRunner, Result
 from busybot.cli.main import app
 from busybot.common.atomic_io import scan
 from tests.datasets.camera_folders import write_camera_folder
+from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 
@@ -120,6 +121,15 @@ def test_freeze_prints_what_it_did_and_verify_looks_at_all_files(dataset: Path) 
     assert [Path(problem["file"]).name for problem in problems] == ["README.md"]
 
 
+@pytest.mark.parametrize("licence", ["", "x" * 600])
+def test_a_licence_that_no_manifest_can_tell_is_refused_first(dataset: Path, licence: str) -> None:
+    before = scan(dataset)
+    done = run("freeze", dataset, "--licence", licence)
+    told = " ".join(done.stderr.split())
+    assert done.exit_code == 2 and "--licence" in told and "character" in told and "SPDX" in told
+    assert "pydantic" not in told and scan(dataset) == before
+
+
 def test_diff_exits_with_1_where_something_differs(dataset: Path) -> None:
     same = run("diff", dataset, dataset, "--json")
     assert same.exit_code == 0 and json.loads(same.stdout)["equal"] is True
@@ -144,6 +154,16 @@ def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
     here = run("repair", dataset)
     assert "episode 1: saved entirely" in here.stdout and "episode 3: could not be kept" in here.stdout
     assert run("verify", dataset).exit_code == 0
+
+
+def test_an_import_tells_whether_states_were_read(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        write_camera_folder(tmp_path / "boards" / name, make_episode(0), times=True)
+    assert "2 episodes, without states" in run("import", tmp_path / "boards", "--out", tmp_path / "none").stderr
+    for name, told in (("a", "2 episodes, 1 of them with states"), ("b", "2 episodes, with states")):
+        with_keys(tmp_path / "boards" / name)
+        (tmp_path / "boards" / name / "states.jsonl").write_text(log_of(state_rows(make_episode(0))[0]))
+        assert told in run("import", tmp_path / "boards", "--out", tmp_path / f"with-{name}").stderr
 
 
 def test_options_about_times_are_refused_where_there_are_none(tmp_path: Path) -> None:

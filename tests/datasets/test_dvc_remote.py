@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 
+from busybot.common.atomic_io import one_writer
 from busybot.common.errors import BusybotError
 from busybot.datasets import dvc_remote as module
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.dvc_remote import address, check_listing, find_tool, pull, push, read_pointer
 from busybot.datasets.freeze import freeze
+from busybot.datasets.verify import verify
 from tests.episodes.folders import make_dataset
 
 POINTER = "outs:\n- md5: {md5}.dir\n  size: 10\n  nfiles: 2\n  hash: md5\n  path: {path}\n"
@@ -66,11 +68,61 @@ def test_what_was_changed_on_the_way_gets_no_name(frozen: Path, tmp_path: Path) 
     listing = next((tmp_path / "remote").rglob("*.dir"))
     first = json.loads(listing.read_text())[0]
     stored = tmp_path / "remote" / "files" / "md5" / first["md5"][:2] / first["md5"][2:]
+    whole = stored.read_bytes()
     stored.chmod(0o644)
-    stored.write_bytes(stored.read_bytes() + b"more")
-    with pytest.raises(BusybotError):
+    stored.write_bytes(whole + b"more")
+    with pytest.raises(BusybotError, match=f"{first['relpath']} came from there"):
         pull(there, str(tmp_path / "remote"))
     assert not there.exists()
+    stored.write_bytes(whole)
+    assert pull(there, str(tmp_path / "remote")).new, "what was damaged is fetched again"
+    assert contents(there) == contents(frozen)
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("dvc")
+def test_names_that_mean_something_to_other_programs_are_names(tmp_path: Path) -> None:
+    for name in ("run-12:30", "yes", "1e3"):
+        dataset = make_dataset(tmp_path / name, boards=1, finished=(0,))
+        freeze(dataset.path, None)
+        before = contents(dataset.path)
+        push(dataset.path, str(tmp_path / "remote"))
+        dataset.path.rename(tmp_path / "away")
+        assert pull(dataset.path, str(tmp_path / "remote")).new and contents(dataset.path) == before
+        shutil.rmtree(tmp_path / "away")
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("dvc")
+def test_what_a_remote_lacks_and_what_dvc_says_is_told(frozen: Path, tmp_path: Path) -> None:
+    push(frozen, str(tmp_path / "remote"))
+    frozen.rename(tmp_path / "away")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BusybotError, match=r"empty: it does not hold what .*toys\.dvc means"):
+        pull(frozen, str(tmp_path / "empty"))
+    (tmp_path / "away").rename(frozen)
+    with pytest.raises(BusybotError, match="DVC cannot add: .*/proc/nowhere"):
+        push(frozen, "/proc/nowhere")
+
+
+def test_links_in_a_frozen_dataset_are_named_and_not_sent(frozen: Path, tmp_path: Path) -> None:
+    (tmp_path / "secret").write_text("secret")
+    (frozen / "objects").mkdir()
+    (frozen / "objects" / "extra.txt").symlink_to(tmp_path / "secret")
+    assert [problem.what for problem in verify(frozen).problems if "extra.txt" in problem.file]
+    with pytest.raises(BusybotError, match="extra.txt: neither a file"):
+        push(frozen, str(tmp_path / "remote"))
+    (frozen / "objects" / "extra.txt").rename(frozen / ".extra.txt")
+    with pytest.raises(BusybotError, match="extra.txt: neither a file"):
+        push(frozen, str(tmp_path / "remote"))
+
+
+def test_two_do_not_fetch_one_dataset_at_once(frozen: Path, tmp_path: Path) -> None:
+    (frozen.parent / "other.dvc").write_text(POINTER.format(md5=MD5, path="other"))
+    work = frozen.parent / ".other.pull"
+    work.mkdir()
+    with one_writer(work), pytest.raises(BusybotError, match="another process"):
+        pull(frozen.with_name("other"), str(tmp_path / "remote"))
 
 
 class Uploads:
@@ -163,6 +215,8 @@ def test_listings_that_leave_the_folder_are_refused(name: str, tmp_path: Path) -
 
 
 def test_passwords_are_not_taken_from_the_command_line() -> None:
+    with pytest.raises(BusybotError, match="ASCII"):
+        address("/data/café")
     with pytest.raises(BusybotError, match="password"):
         address("ssh://me:secret@host/path")
     assert address("s3://bucket/path") == "s3://bucket/path"

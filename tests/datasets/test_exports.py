@@ -428,6 +428,19 @@ def test_a_recording_that_changes_meanwhile_is_noticed(tmp_path: Path, monkeypat
         export_recordings(dataset, "images", tmp_path / "out")
 
 
+@pytest.mark.parametrize("to", ["images", "lerobot"])
+def test_a_folder_without_a_name_of_its_own_is_refused(
+    to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = make_dataset(tmp_path / "data", boards=1, finished=[0]).path
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for out, why in ((".", "it is the current folder"), ("..", "not an empty folder"), ("/", "not an empty folder")):
+        done = busybot("dataset", "export", dataset, "--to", to, "--out", out)
+        assert done.returncode == 1 and why in " ".join(done.stderr.split()) and "hint" in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"data", "here"}
+
+
 def test_nothing_to_export(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="no board has an episode"):
         export_recordings(make_dataset(tmp_path / "data", finished=[]), "hf", tmp_path / "out")

@@ -14,9 +14,11 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
 from busybot.datasets.importing.camera_folder import ImportOptions
+from busybot.datasets.importing.camera_pictures import decode_bytes
 from busybot.datasets.importing.recording import imported_info
 from busybot.datasets.importing.sources import import_source
 from busybot.datasets.verify import verify
+from busybot.episodes.codec import ImageFormat, encode_rgb
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.evaluation.evaluate import ReasonEvaluation, evaluate_dataset, judge_episode
@@ -275,6 +277,11 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         "relations.csv: line 2: .*'bell'",
         "names or numbers",
     ),
+    "an object that is its own cause": (
+        relation("lamp 1", "lamp 1"),
+        "relations.csv: line 2: 'lamp 1' is its own",
+        "names",
+    ),
     "an effect that is a trigger": (relation("1", "switch 0"), "'switch 0' is a trigger, not a responder", "names"),
     "a camera that is none": (
         write("camera.json", '{"matrix": [[1, 2]]}'),
@@ -364,6 +371,21 @@ def test_a_video_that_was_cut(tmp_path: Path) -> None:
     ) as error:
         import_source(folder, tmp_path / "made")
     assert "cut" in str(error.value.hint) and not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("form", ["jpeg", "png"])
+def test_what_phones_append_to_a_picture_is_passed_over(form: ImageFormat) -> None:
+    colours = make_episode(0).image(0).rgb
+    data = encode_rgb(colours, form)
+    preview = b"\xff\xe1" + (2 + len(data)).to_bytes(2) + data if form == "jpeg" else b""
+    whole = data[:2] + preview + data[2:]
+    film = bytes(range(256)) * 99
+    for behind in (b"", b"\0" * 9000, film, data):
+        assert np.array_equal(decode_bytes(whole + behind, "x"), decode_bytes(data, "x"))
+    for keep in (len(preview) + 900, len(whole) - 2):
+        for behind in (b"", b"\0" * 9000, data):
+            with pytest.raises(BusybotError, match="x: the picture is cut, or damaged"):
+                decode_bytes(whole[:keep] + behind, "x")
 
 
 def test_depth_needs_a_unit(tmp_path: Path) -> None:

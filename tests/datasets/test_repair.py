@@ -11,6 +11,7 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
+from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
 from busybot.common.limits import Budget
 from busybot.datasets import repair as module
@@ -276,6 +277,16 @@ def test_a_frozen_dataset_is_repaired_elsewhere(tmp_path: Path) -> None:
     assert "--out" in str(error.value.hint)
     assert repair(dataset.path, tmp_path / "out").sound == 2
     assert Dataset.open(tmp_path / "out").hashes() == dataset.hashes()
+
+
+def test_elsewhere_it_has_the_objects_that_the_damaged_dataset_carries(tmp_path: Path) -> None:
+    dataset = make_dataset(tmp_path / "d", boards=2, finished=range(2))
+    carried = {f"objects/{name}": name.encode() for name in ("Lamp/own/mobility.urdf", "splits.json")}
+    for name, data in carried.items():
+        write_atomically(dataset.path / name, data, dataset.path)
+    for _ in range(2):  # a repetition finds them there
+        repair(dataset.path, tmp_path / "out")
+        assert {name: (tmp_path / "out" / name).read_bytes() for name in carried} == carried
 
 
 def test_links_are_refused(dataset: Dataset, tmp_path: Path) -> None:

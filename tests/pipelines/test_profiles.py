@@ -19,8 +19,9 @@ from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.view.report.report import write_report
-from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, read_profile
+from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, profile_of, read_profile
 from pipelines.stage import Note, begin, key_of, note_of, run
+from pipelines.summary import metrics
 from pipelines.tables import interaction, notes, planning, reasoning, typed
 from tests.test_imports import PACKAGE, uses
 from tests.view.report.test_report import DATASET, reasoned
@@ -118,6 +119,17 @@ def test_a_profile_becomes_the_pipelines_values(copied: Path, tmp_path: Path) ->
         install("laptop", params, "nowhere", copied)
     with pytest.raises(BusybotError, match=r"no profile 'huge'(.|\n)*laptop or paper or smoke"):
         install("huge", params, folder=copied)
+
+
+def test_a_run_was_asked_for_what_the_pipelines_values_say(copied: Path, tmp_path: Path) -> None:
+    params = tmp_path / "params.yaml"
+    assert profile_of(Path("runs/smoke"), params) == read_profile("smoke"), "nothing is installed"
+    install("smoke", params, folder=copied)
+    params.write_text(params.read_text().replace("splits: [novel-config, novel-object]", "splits: [novel-config]"))
+    assert profile_of(Path("runs/smoke"), params).judge.splits == ["novel-config"]
+    assert profile_of(Path("runs/laptop"), params) == read_profile("laptop"), "another profile is installed"
+    with pytest.raises(BusybotError, match="no profile 'huge'"):
+        profile_of(Path("runs/huge"), params)
 
 
 def commands(words: list[str]) -> Iterator[list[str]]:
@@ -265,7 +277,9 @@ def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
     write_json(tmp_path / "relations/novel-object-count/result.json", reasoned(pred_a=None, pred_a_successful=None))
     told = {"agents": {"search": {"success": 0.5}}, "kinds": {"one-to-one": 1}, "tasks": 1, "dataset": origin}
     write_json(tmp_path / "planned/train-one-to-one/result.json", told)
-    tables = {"table1": interaction(tmp_path), "table2": reasoning(tmp_path), "table3": planning(tmp_path)}
+    asked = read_profile("laptop")
+    made = (interaction(tmp_path, asked), reasoning(tmp_path, asked), planning(tmp_path, asked))
+    tables = dict(zip(("table1", "table2", "table3"), made, strict=True))
     assert {name: set(rows) for name, rows in tables.items()} == {
         "table1": {"free-0", "random"},
         "table2": {"event", "count"},
@@ -284,5 +298,40 @@ def test_a_run_becomes_rows_of_the_tables(tmp_path: Path) -> None:
 def test_a_paper_model_is_not_told_as_ours(tmp_path: Path) -> None:
     write_json(tmp_path / "interact/model/model.json", {"variant": "paper", "training": {"seed": 0}})
     write_json(tmp_path / "reason/model/model.json", {"model": "paper", "training": {"seed": 0}})
-    assert "paper" in interaction(tmp_path) and "free-0" not in interaction(tmp_path)
-    assert set(reasoning(tmp_path)) == {"paper"}
+    asked = read_profile("paper")
+    assert "paper" in interaction(tmp_path, asked) and "free-0" not in interaction(tmp_path, asked)
+    assert set(reasoning(tmp_path, asked)) == {"paper"}
+
+
+def test_what_a_profile_no_longer_asks_for_is_in_no_table(tmp_path: Path) -> None:
+    """DVC leaves the outputs of stages that left the matrix where they are."""
+    write_json(tmp_path / "reason/model/model.json", {"model": "event", "training": {"seed": 0}})
+    acted = {"precision": 0.9, "recall": 0.9, "precision_exploring": 0.9, "boards": 3}
+    for split in ("novel-config", "novel-object"):
+        for suffix in ("", "-random"):
+            write_json(tmp_path / f"judged/{split}{suffix}/result.json", acted)
+    inferred = reasoned() | {"edge_r_bound": None, "pred_a_bound": None, "boards": 3}
+    for name in ("validation", "novel-config", "novel-config-count", "novel-config-lookup"):
+        write_json(tmp_path / f"relations/{name}/result.json", inferred)
+    for cell in ("novel-object-one-to-many", "novel-object-one-to-one", "train-one-to-many"):
+        write_json(tmp_path / f"planned/{cell}/result.json", {"agents": {"search": {}}, "success": 0.5, "tasks": 1})
+    asked = read_profile("smoke")
+    less = {
+        "judge": asked.judge.model_copy(update={"splits": ["novel-config"]}),
+        "relations": asked.relations.model_copy(update={"sets": ["novel-config"]}),
+    }
+    asked = asked.model_copy(update=less)
+    acting, inferring, playing = (table(tmp_path, asked) for table in (interaction, reasoning, planning))
+    assert set(acting["random"]) == {"training", "commands", "novel-config"}
+    assert {name: set(row["splits"]) for name, row in inferring.items()} == {
+        "event": {"novel-config"},
+        "count": {"novel-config"},
+    }
+    assert {split: set(kinds) for split, kinds in playing["search"]["splits"].items()} == {
+        "novel-object": {"one-to-many"}
+    }
+    assert {skill: set(splits) for skill, splits in metrics(tmp_path, asked).items()} == {
+        "interact": {"novel-config"},
+        "relations": {"novel-config"},
+        "plan": {"novel-object-one-to-many"},
+    }

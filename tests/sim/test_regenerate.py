@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from busybot.cli.dataset import printing
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.diff import diff
@@ -37,7 +38,7 @@ def edit(dataset: Dataset, **values: object) -> None:
 
 def test_boards_and_recordings_come_out_equal(recorded: Dataset, tmp_path: Path) -> None:
     done = regenerate(recorded.path, tmp_path / "out", find("procedural"))
-    assert done.ok and (done.boards_from, done.boards_unlike) == ("configuration", [])
+    assert done.ok and (done.boards_from, done.boards_unlike, done.replayed) == ("configuration", [], 3)
     assert done.episodes == {"equal": 3, "close": 0} and done.joints == 0 and done.image.equal
     assert verify(tmp_path / "out").ok
     assert diff(recorded.path, tmp_path / "out").equal
@@ -49,8 +50,36 @@ def test_a_stopped_one_is_continued(recorded: Dataset, tmp_path: Path) -> None:
     out = Dataset.open(tmp_path / "out")
     out.episode_path(1).unlink()
     kept = out.episode_path(0).stat().st_mtime_ns
-    assert regenerate(recorded.path, out.path, find("procedural")).ok
+    done = regenerate(recorded.path, out.path, find("procedural"))
+    assert done.ok and done.replayed == 1 and sum(done.episodes.values()) == 3
     assert out.finished() == {0, 1, 2} and out.episode_path(0).stat().st_mtime_ns == kept
+
+
+def test_what_was_not_replayed_is_told(
+    recorded: Dataset, copy: Dataset, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A copy of the recordings lies where they would be made again."""
+    done = regenerate(recorded.path, copy.path, find("procedural"))
+    assert done.ok and done.replayed == 0
+    printing.regenerated(done)
+    told = " ".join(capsys.readouterr().out.split())
+    assert "replayed now: 0 episodes" in told and f"3 lay in {copy.path}, recorded by today's versions" in told
+    printing.regenerated(regenerate(recorded.path, tmp_path / "out", find("procedural")))
+    assert "another --out" not in capsys.readouterr().out
+
+
+def test_replays_of_other_packages_or_renderers_are_made_anew(recorded: Dataset, copy: Dataset) -> None:
+    kept = copy.episode_path(0).stat().st_mtime_ns
+    for index, told in ((1, "versions"), (2, "renderer")):
+        episode = read_episode(copy.episode_path(index))
+        getattr(episode, told)["sapien"] = "2.2"
+        episode.images[0].rgb[:] //= 2
+        write_episode(copy.episode_path(index), episode)
+    done = regenerate(recorded.path, copy.path, find("procedural"))
+    assert done.ok and done.image.equal and done.replayed == 2
+    assert copy.episode_path(0).stat().st_mtime_ns == kept
+    assert read_episode(copy.episode_path(1)).versions == read_episode(recorded.episode_path(1)).versions
+    assert verify(copy.path).ok
 
 
 def test_changed_recordings_and_boards_are_found(copy: Dataset, tmp_path: Path) -> None:

@@ -4,12 +4,14 @@ import http.client
 import json
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from busybot.boards.spec import BODY
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
@@ -160,6 +162,12 @@ def test_relations_follow_their_objects(tmp_path: Path) -> None:
     again = dataset[0].board
     assert {(4 - t.object, 4 - one.responder) for one in again.relations for t in one.triggers} == pairs
     assert np.array_equal(dataset[0].positions, episode.positions[::-1])
+    turned = [replace(one, role="responder") if number == 1 else one for number, one in enumerate(objects[::-1])]
+    redraw(dataset, 0, turned, list(range(5)))
+    links = {t.object: t.link for one in dataset[0].board.relations for t in one.triggers}
+    assert links[1] == BODY and all(link != BODY for owner, link in links.items() if owner != 1)
+    redraw(dataset, 0, objects[::-1], list(range(5)))
+    assert dataset[0].board == again
     gone = episode.board.relations[0].responder
     kept = [number for number in range(5) if 4 - number != gone]
     with pytest.raises(BusybotError, match="a relation of it was told"):

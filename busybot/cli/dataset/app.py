@@ -110,12 +110,13 @@ def freeze(
     json: JsonOption = False,
 ) -> None:
     """Give a finished dataset a manifest and a card, and make it read-only. Nothing is collected into it any more."""
-    from busybot.datasets.bundled_assets import library_of
+    from busybot.datasets.bundled_assets import check_licence, library_of
     from busybot.datasets.dataset import Dataset
     from busybot.datasets.freeze import freeze as freeze_dataset
     from busybot.datasets.freeze import refuse_unfinished
     from busybot.datasets.manifest import is_frozen
 
+    check_licence(licence)
     target, library = Dataset.open(dataset), None
     if (assets or (objects and target.info.assets.sha256)) and not is_frozen(dataset):
         refuse_unfinished(target)

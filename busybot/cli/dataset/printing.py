@@ -116,23 +116,34 @@ def imported(done: "Imported") -> None:
     if done.dataset is None:
         say("nothing was written")
         return
-    say(f"{done.dataset.path}: {counted(done.dataset.info.boards, 'episode')}, without states")
+    say(f"{done.dataset.path}: {counted(done.dataset.info.boards, 'episode')}, {_states(done.recordings)}")
     if any(not one["triggers"] or not one["responders"] or one.get("boxes") == 0 for one in done.recordings):
         say(f"next, because nothing is inferred without boxes: busybot annotate {quote(str(done.dataset.path))}")
 
 
+def _states(recordings: list[dict[str, object]]) -> str:
+    """Of how many recordings states were read."""
+    told = sum(bool(one.get("states")) for one in recordings)
+    if not told:
+        return "without states"
+    return "with states" if told == len(recordings) else f"{told} of them with states"
+
+
 def regenerated(found: "Regenerated") -> None:
-    """Which rules applied and whether they held."""
+    """What was replayed, which rules applied and whether they held."""
     if found.boards_from == "configuration":
         tell(f"boards: {found.boards - len(found.boards_unlike)} of {found.boards} made again and equal")
     else:
         tell(f"boards: another version of the generator drew the {found.boards} boards; they could not be made again")
+    total, worst = sum(found.episodes.values()), found.image
+    there = total - found.replayed
+    others = f"; {there} lay in {found.out}, recorded by today's versions and renderer: another --out replays all"
+    tell(f"replayed now: {counted(found.replayed, 'episode')}{others if there else ''}")
     rules = {"equal": "equal, same renderer", "close": "at most 0.1 % of pixels beyond 2/255, another renderer"}
     for rule, count in found.episodes.items():
         if count:
             tell(f"images: the rule for {counted(count, 'episode')} is: {rules[rule]}")
     for index, one in list(found.failed.items())[:MOST_LINES]:
         tell(f"episode {index}: {sentence(one)}")
-    total, worst = sum(found.episodes.values()), found.image
     tell(f"joints: within {found.joints:.1e}; pictures: at worst {worst.colour:.3%} of the pixels beyond 2/255")
     tell(f"{total - len(found.failed)} of {total} episodes hold: {'as recorded' if found.ok else 'NOT as recorded'}")

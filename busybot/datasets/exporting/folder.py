@@ -171,7 +171,7 @@ def _finished(out: Path, rows: list[Row], continued: int) -> Exported:
 
 def unfinished_place(out: Path) -> Path:
     """Where an export to `out` is until it is complete."""
-    return out.with_name(f"{out.name}.partial")
+    return out.parent / f"{out.name}.partial"  # `.` and `/` have no name, and are refused where an export begins
 
 
 def _placed(rows: list[Row]) -> list[Row]:

@@ -312,6 +312,8 @@ def _relations(folder: Path, objects: Sequence[KnownObject]) -> tuple[tuple[int,
                 raise BusybotError(f"{where}: objects.csv has no object {name[:40]!r}", hint)
             if (is_role := objects[names[name.strip()]].role) != role and role == "responder":
                 raise BusybotError(f"{where}: {name[:40]!r} is a {is_role}, not a {role}", hint)
+        if names[cause.strip()] == names[effect.strip()]:
+            raise BusybotError(f"{where}: {cause[:40]!r} is its own cause", hint)
         found.append((names[cause.strip()], names[effect.strip()]))
     return tuple(found)
 

@@ -1,6 +1,7 @@
 """The pictures of a camera's folder: files in order, or frames of a video, found first and decoded when needed."""
 
 import re
+import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os.path import lexists
@@ -27,6 +28,9 @@ from busybot.datasets.importing.time_alignment import read_time
 from busybot.episodes.codec import PNG_MAGIC, image_size
 
 FRAMES_FILE = "frames.csv"
+_MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]")
+"""Of a JPEG, where a segment begins: restarts and what is escaped lie among a picture's data."""
+_BEGIN, _END, _PNG_END = b"\xff\xd8", b"\xff\xd9", b"IEND\xaeB`\x82"
 PICTURES, VIDEOS = (".jpg", ".jpeg", ".png"), (".mp4", ".mov", ".avi", ".mkv", ".webm")
 
 
@@ -246,8 +250,25 @@ def decode_bytes(data: bytes, named: str, flags: int = cv2.IMREAD_COLOR_RGB) -> 
     if width * height > MAX_IMAGE_PIXELS:
         what = f"{named}: {width} x {height} pixels, at most {MAX_IMAGE_PIXELS} are read"
         raise BusybotError(what, "save smaller pictures")
-    end = b"IEND\xaeB`\x82" if data[:8] == PNG_MAGIC else b"\xff\xd9"  # decoders fill what is missing with grey
-    found = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if end in data[-4096:] else None
+    whole = _png_ends(data) if data[:8] == PNG_MAGIC else _jpeg_ends(data)  # decoders fill what is missing with grey
+    found = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if whole else None
     if found is None:
         raise BusybotError(f"{named}: the picture is cut, or damaged", "copy it again from the camera")
     return found
+
+
+def _jpeg_ends(data: bytes) -> bool:
+    """Whether a JPEG's own end is there, not that of a preview in it or of a picture behind it; phones append films."""
+    place = len(_BEGIN)
+    while (found := _MARKER.search(data, place)) and found[0] not in (_BEGIN, _END):
+        place = found.end() + int.from_bytes(data[found.end() : found.end() + 2])
+    return found is not None and found[0] == _END
+
+
+def _png_ends(data: bytes) -> bool:
+    """Whether a PNG's last chunk is there, whatever comes behind it."""
+    place, kind = len(PNG_MAGIC), b""
+    while kind != b"IEND" and place + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, place)
+        place += 12 + length
+    return data[place - len(_PNG_END) : place] == _PNG_END

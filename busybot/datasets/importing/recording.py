@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from busybot.boards.spec import BoardSpec, LinkRef, PlacedObject, Relation
+from busybot.boards.spec import BODY, BoardSpec, LinkRef, PlacedObject, Relation
 from busybot.common.atomic_io import make_folder, refuse_taken, remove_abandoned, rename, unfinished
 from busybot.common.errors import BusybotError, naming
 from busybot.common.frozen_model import first_fault
@@ -233,6 +233,11 @@ def imported_info(
         raise BusybotError(f"{told[0]}: {first_fault(error)}", told[1]) from None
 
 
+def link_of(known: KnownObject) -> str:
+    """What of an object may be a cause: the one link that a trigger is taken to have, or what a responder shows."""
+    return BODY if known.role == "responder" else LINK
+
+
 def board_of(index: int, told: Recording) -> BoardSpec:
     """A board of which only is known what can be seen, and relations where somebody told them."""
     causes: dict[int, list[int]] = {}
@@ -241,7 +246,7 @@ def board_of(index: int, told: Recording) -> BoardSpec:
     relations = [
         Relation(
             kind="given",
-            triggers=tuple(LinkRef(object=cause, link=LINK) for cause in sorted(set(own))),
+            triggers=tuple(LinkRef(object=cause, link=link_of(told.objects[cause])) for cause in sorted(set(own))),
             responder=effect,
             stage="single",
             states=(),

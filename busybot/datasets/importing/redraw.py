@@ -10,7 +10,7 @@ from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.importing.recording import KnownObject, boxes_of, placed_object, positions_of
+from busybot.datasets.importing.recording import KnownObject, boxes_of, link_of, placed_object, positions_of
 from busybot.datasets.info import IMPORTED
 from busybot.datasets.manifest import refuse_frozen
 from busybot.episodes.episode import Episode
@@ -70,6 +70,7 @@ def _redrawn(episode: Episode, objects: Sequence[KnownObject], was: Sequence[int
         relation["responder"] = number[relation["responder"]]
         for ref in relation["triggers"]:
             ref["object"] = number[ref["object"]]
+            ref["link"] = link_of(objects[ref["object"]])
     values["objects"] = [placed_object(n, one).model_dump(mode="json") for n, one in enumerate(objects)]
     try:
         drawn = BoardSpec.model_validate(values)

@@ -24,6 +24,7 @@ from busybot.common.atomic_io import write_atomically
 from busybot.common.config import check_tokens, yaml_fault
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
+from busybot.common.text import one_line
 from busybot.objects.partnet.annotation import Number, Value, Vector3
 from busybot.objects.partnet.urdf import Urdf
 
@@ -210,14 +211,10 @@ def write_review(
     """Write a proposal: by object id the choices, with comments: why, and questions; refused objects are comments."""
     parts = [_HEADER, "objects:\n" if proposals else "objects: {}\n"]
     for instance, (choices, notes, questions) in proposals.items():
-        parts += [f"  # {_one_line(note)}\n" for note in notes]
-        parts += [f"  # QUESTION: {_one_line(question)}\n" for question in questions]
+        parts += [f"  # {one_line(note)}\n" for note in notes]
+        parts += [f"  # QUESTION: {one_line(question)}\n" for question in questions]
         value = choices.model_dump(mode="json", exclude_none=True)
         text = yaml.safe_dump({instance: value}, sort_keys=False, default_flow_style=None, width=110)
         parts += [f"  {line}\n" for line in text.splitlines()]
-    parts += [f"# {_one_line(instance)} is refused: {_one_line(problem)}\n" for instance, problem in refused.items()]
+    parts += [f"# {one_line(instance)} is refused: {one_line(problem)}\n" for instance, problem in refused.items()]
     write_atomically(path, "".join(parts).encode())
-
-
-def _one_line(text: str) -> str:
-    return "".join(character if character.isprintable() else "?" for character in text)

@@ -25,7 +25,7 @@ def test_a_proposal_read_again_decides_the_same(tmp_path: Path) -> None:
         file, {o.name: (o.choices or Choices(), o.notes, o.questions) for o in first}, {"4": "is\nbad\x1b[31m"}
     )
     text = file.read_text()
-    assert "# StorageFurniture (meta.json) serves as Door" in text and "# 4 is refused: is?bad?[31m" in text
+    assert "# StorageFurniture (meta.json) serves as Door" in text and "# 4 is refused: is\\nbad\\x1b[31m" in text
     again = list(import_objects(folders, None, read_overrides(file)))
     assert [outcome.choices for outcome in again] == [outcome.choices for outcome in first]
 

@@ -186,6 +186,10 @@ KINDS = len(MEMORIES) * (INPUTS + 1)
 """Memories by number of inputs."""
 RARER = -3.0
 """Log odds of explanations by three inputs to those by two of their family, which no training board tells."""
+UNTRAINED = -1.0
+"""Log odds of explanations that remember what only new kinds of mechanisms do, to others of their family. Chosen on 60
+validation boards of `time` and 60 of new kinds that are in no frozen set: with less, too little is believed of known
+kinds after few actions; with more, of new ones."""
 
 
 def families() -> list[int]:
@@ -194,6 +198,12 @@ def families() -> list[int]:
     alike = [("since" if one.what == "odd" else one.what, one.delay > 0, one.own) for one in REMEMBERED]
     distinct = list(dict.fromkeys(alike))
     return [len(distinct) * min(inputs, 2) + distinct.index(one) for inputs in range(INPUTS + 1) for one in alike]
+
+
+def rarer_kinds() -> list[float]:
+    """Of each of `KINDS` its log odds to others of its family, as far as no training board tells them."""
+    untrained = [UNTRAINED * (one.delay > 1 or one.what == "odd") for one in REMEMBERED]
+    return [RARER * (inputs > 2) + own for inputs in range(INPUTS + 1) for own in untrained]
 
 
 def world_number(config: MechanismNetConfig, name: str) -> int:
@@ -286,7 +296,7 @@ class MechanismNet(nn.Module):
         self.config, width = config, config.width
         family = families() if config.families else list(range(KINDS))  # of each kind; each is its own otherwise
         self.register_buffer("family", torch.tensor(family), persistent=False)
-        rarer = [RARER * (config.families and kind // len(MEMORIES) > 2) for kind in range(KINDS)]
+        rarer = rarer_kinds() if config.families else [0.0] * KINDS
         self.register_buffer("rarer", torch.tensor(rarer), persistent=False)
         self.kind = nn.Linear(max(family) + 1, width, bias=False)
         heard = EVIDENCE + 1 + config.rising

@@ -310,12 +310,16 @@ def test_what_is_learned_of_effects_that_come_late_holds_however_late_they_come(
     assert after[0] < before[0] and all(now > was for now, was in zip(after[1:], before[1:], strict=True))
 
 
-def test_three_inputs_are_like_two_but_rarer(gates: list[LabelledTrace]) -> None:
-    """No training board has such gates."""
+def test_what_no_training_has_is_rarer_than_the_rest_of_its_family(gates: list[LabelledTrace]) -> None:
+    """As gates of three inputs."""
     of_pairs, of_three = (MEMORIES.index("late 0") + inputs * len(MEMORIES) for inputs in (2, 3))
     net = MechanismNet(MechanismNetConfig(families=True))
     assert net.family[of_pairs] == net.family[of_three]
-    assert (net.rarer != 0).nonzero().flatten().tolist() == list(range(3 * len(MEMORIES), KINDS))
+    one, late, odd, three = (
+        net.rarer[inputs * len(MEMORIES) + MEMORIES.index(name)].item()
+        for inputs, name in ((1, "late 1"), (2, "late 2"), (1, "odd presses up"), (3, "late 0"))
+    )
+    assert one == 0 and late == odd == -1 and three == -3, "nor memories that only new kinds have"
 
     def share() -> float:
         graph = Batch.from_data_list([explanation_graph(gates[0].trace, [3])])

@@ -117,7 +117,7 @@ def suited(config: Config, datasets: list[Dataset]) -> Config:
     given = config.net.model_fields_set
     heard: dict[str, object] = {"worlds": config.net.worlds or tuple(sorted(told))}
     heard["families"] = config.net.families or "families" not in given
-    for name in ("changes", "unseen", "rising", "unsteady"):
+    for name in ("changes", "unseen", "apart", "rising", "unsteady"):
         heard[name] = getattr(config.net, name) if name in given else labels
         if heard[name] and not labels:
             raise UsageError(f"net.{name}=true: only labels teach that", "leave it out, or train with labels=parents")

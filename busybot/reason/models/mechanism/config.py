@@ -17,9 +17,10 @@ class MechanismNetConfig(FrozenModel):
         families: whether explanations that differ in how late inputs show, or in which way presses count, or that are
             by three inputs rather than two, are of one kind to it (`networks.families`): what training boards teach of
             some holds for the others, which they may not have. Trainings choose it.
-        changes: whether it says which mechanisms changed. This and the next three are what labels teach: training with
+        changes: whether it says which mechanisms changed. This and the next four are what labels teach: training with
             labels chooses them, training without does without, unless they are given.
         unseen: whether it says how probable it is that links decide a responder that nobody saw moving.
+        apart: whether what is known of such a responder is weighed in each world in its own way. Trainings choose it.
         rising: whether it hears which way round links are, as far as their looks tell.
         unsteady: whether it hears that the camera was not still.
     """
@@ -29,6 +30,7 @@ class MechanismNetConfig(FrozenModel):
     families: bool = False
     changes: bool = True
     unseen: bool = False
+    apart: bool = False
     rising: bool = False
     unsteady: bool = False
 

@@ -109,21 +109,26 @@ class Unseen(nn.Module):
 
     Args:
         worlds: how many may be told.
+        apart: whether each world weighs facts in its own way, as far as its boards tell it; otherwise worlds differ in
+            how probable a link is that nothing tells of.
     """
 
-    def __init__(self, worlds: int):
+    def __init__(self, worlds: int, apart: bool = False):
         super().__init__()
         self.weight = nn.Parameter(torch.zeros(SEVERAL + 1, FACTS))
         self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1))
+        self.apart = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1, FACTS)) if apart else None
 
     def forward(self, pairs: Pairs, world: int) -> Tensor:
         """See above."""
-        facts = torch.einsum("korf,of->kor", pairs.facts, self.weight[pairs.kinds])
-        return self._any(pairs.believed, facts + self.world[pairs.kinds, world][:, None])
+        kinds = pairs.kinds[:, None].expand(pairs.believed.shape[1:])
+        return self._any(pairs.believed, pairs.facts, kinds, torch.full_like(kinds, world))
 
-    @staticmethod
-    def _any(believed: Tensor, logits: Tensor) -> Tensor:
-        return believed + (1 - believed) * torch.sigmoid(logits + RARE)
+    def _any(self, believed: Tensor, facts: Tensor, kinds: Tensor, worlds: Tensor) -> Tensor:
+        """Of pairs in any shape (..., the same with FACTS behind for `facts`), each with its own kind and world."""
+        weight = self.weight[kinds] if self.apart is None else self.weight[kinds] + self.apart[kinds, worlds]
+        logits = (facts * weight).sum(-1) + self.world[kinds, worlds]
+        return torch.as_tensor(believed + (1 - believed) * torch.sigmoid(logits + RARE))
 
     def learn(self, boards: Sequence[tuple[Pairs, int]], true: Sequence[np.ndarray]) -> float:
         """Fit all weights to recorded boards, each with the world that is told of it; returns the mean negative log
@@ -147,7 +152,7 @@ class Unseen(nn.Module):
 
         def loss() -> Tensor:
             descent.zero_grad()
-            told = self._any(believed, (facts * self.weight[kinds]).sum(-1) + self.world[kinds, worlds])
+            told = self._any(believed, facts, kinds, worlds)
             lost = binary_cross_entropy(told.clamp(TINY, 1 - TINY), right.float())
             total = lost + DECAY * sum((one**2).sum() for one in self.parameters())
             total.backward()

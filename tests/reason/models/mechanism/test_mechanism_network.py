@@ -29,7 +29,6 @@ from busybot.reason.models.mechanism.contexts import (
 )
 from busybot.reason.models.mechanism.evidence import EITHER, EVIDENCE, RECENT, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.networks import (
-    KINDS,
     BoardFacts,
     MechanismNet,
     explanation_graph,

@@ -87,6 +87,19 @@ def test_it_learns_how_often_triggers_decide_of_which_nothing_is_known() -> None
     assert again.learn(boards, true) == loss and torch.equal(again.weight, net.weight)
 
 
+def test_worlds_may_weigh_facts_in_their_own_way() -> None:
+    """In one world links are there where a fact holds, in the other where it does not."""
+    rng, boards, true = np.random.default_rng(0), [], []
+    for number in range(400):
+        world, held = number % 2 + 1, rng.random((1, 1, 3)) < 0.5
+        facts = torch.zeros(1, 1, 3, FACTS)
+        facts[..., 0], facts[..., 2] = 1, torch.from_numpy(held)
+        boards.append((Pairs(torch.zeros(1, 1, 3), facts, torch.tensor([1])), world))
+        true.append(rng.random((1, 1, 3)) < np.where(held == (world == 1), 0.8, 0.1))
+    losses = {apart: Unseen(2, apart).learn(boards, true) for apart in (False, True)}
+    assert losses[False] > 0.6 and losses[True] == pytest.approx((entropy(0.8) + entropy(0.1)) / 2, abs=0.03)
+
+
 def test_the_truth_tells_which_triggers_decide_whatever_the_link() -> None:
     changed = 0
     for board in generate_boards(BoardConfig(world="rewired", boards=6, seed=3, group_size=1), find("procedural")):

@@ -218,8 +218,6 @@ class BoardSpec(FrozenModel):
                     raise ValueError(f"a relation names object {index} of {len(self.objects)}")
             if self.objects[responder].role != "responder":
                 raise ValueError(f"the relation's responder {responder} is a trigger")
-            if responder in others:
-                raise ValueError(f"object {responder} is its own cause")
         for link in self.idle:
             if link.object >= len(self.objects):
                 raise ValueError(f"an idle link is of object {link.object} of {len(self.objects)}")

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import read_json, write_atomically
+from busybot.common.errors import BusybotError
 from busybot.training.run_folder import read_metrics
 from pipelines.profile import Profile, profile_of
 
@@ -61,4 +62,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except BusybotError as error:
+        sys.exit(f"error: {error}")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import read_json
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
 from pipelines.profile import Profile, profile_of
@@ -135,4 +136,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except BusybotError as error:
+        sys.exit(f"error: {error}")

@@ -33,7 +33,7 @@ from busybot.common.atomic_io import (
     write_atomically,
 )
 from busybot.common.config import parse_yaml
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, without_name
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_HASHED_BYTES
 from busybot.datasets.manifest import (
@@ -155,14 +155,20 @@ def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str
         raise
     dvc.run("checkout", "--force", POINTER)
     fetched = work / out.path
-    if not is_frozen(fetched):
-        raise BusybotError(f"{pointer}: what it points to is no frozen dataset", "ask who shared it for another one")
-    if faults := list(unlike_manifest(fetched, read_manifest(fetched))):
-        for name, *_ in faults:
-            if name in entries:
-                remove(_cached(work, entries[name]), work)
+    name, fault = MANIFEST_FILE, "which is none of a frozen dataset"
+    try:
+        faults = (
+            [one[:2] for one in unlike_manifest(fetched, read_manifest(fetched))]
+            if is_frozen(fetched)
+            else [(name, fault)]
+        )
+    except BusybotError as error:
+        faults = [(name, without_name(error, fetched / name))]
+    if faults:
+        for name, _ in faults:
+            remove(_cached(work, entries.get(name, out.md5)), work)  # who lists it not has another list
         remove(fetched, work)
-        name, fault, _ = faults[0]
+        name, fault = faults[0]
         what = f"{remote}: {name} came from there, {fault}"
         raise BusybotError(what, "do the same again; if that does not help, fetch it from another remote")
 

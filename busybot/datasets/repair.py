@@ -25,7 +25,8 @@ from busybot.datasets.manifest import is_frozen, plain_files
 from busybot.datasets.verify import faults_of, is_partial
 from busybot.episodes.mcap.salvage import Salvaged, salvage
 from busybot.episodes.tables import Rows, episode_rows
-from busybot.objects.library import SPLIT_FILE
+from busybot.objects.library import SPLIT_FILE, Library
+from busybot.objects.resolve import mismatch
 
 Fate = Literal["sound", "whole", "partial", "dropped"]
 
@@ -102,7 +103,13 @@ def repair(
 
 
 def _copy_objects(source: Path, target: Path) -> None:
-    """Put the objects that a dataset carries into another one, the list of all last: with it they are there."""
+    """Put the objects that a dataset carries into another one, the list of all last: with it they are there. If one of
+    them is damaged, they are looked for elsewhere, by their hashes."""
+    try:
+        if mismatch(Library.load(source / OBJECTS_FOLDER), Dataset.open(source).info.assets.sha256):
+            return
+    except BusybotError:
+        return
     names = [name for name in plain_files(source) if name.startswith(f"{OBJECTS_FOLDER}/")]
     for name in sorted(names, key=lambda name: name == f"{OBJECTS_FOLDER}/{SPLIT_FILE}"):
         if not (target / name).exists():

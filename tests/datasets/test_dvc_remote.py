@@ -59,19 +59,20 @@ def test_a_pulled_dataset_is_the_pushed_one(frozen: Path, tmp_path: Path) -> Non
 
 @pytest.mark.long
 @pytest.mark.usefixtures("dvc")
-def test_what_was_changed_on_the_way_gets_no_name(frozen: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("damaged", ["dataset.json", "manifest.json"])
+def test_what_was_changed_on_the_way_gets_no_name(damaged: str, frozen: Path, tmp_path: Path) -> None:
     """Whoever controls the storage can forge MD5 addresses, but not what the manifest says."""
     sent = push(frozen, str(tmp_path / "remote"))
     there = tmp_path / "there" / "toys"
     there.parent.mkdir()
     shutil.copy(sent.pointer, there.parent)
     listing = next((tmp_path / "remote").rglob("*.dir"))
-    first = json.loads(listing.read_text())[0]
+    first = next(one for one in json.loads(listing.read_text()) if one["relpath"] == damaged)
     stored = tmp_path / "remote" / "files" / "md5" / first["md5"][:2] / first["md5"][2:]
     whole = stored.read_bytes()
     stored.chmod(0o644)
     stored.write_bytes(whole + b"more")
-    with pytest.raises(BusybotError, match=f"{first['relpath']} came from there"):
+    with pytest.raises(BusybotError, match=f"{damaged} came from there"):
         pull(there, str(tmp_path / "remote"))
     assert not there.exists()
     stored.write_bytes(whole)

@@ -11,7 +11,6 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
-from busybot.common.atomic_io import write_atomically
 from busybot.common.errors import BusybotError
 from busybot.common.limits import Budget
 from busybot.datasets import repair as module
@@ -280,13 +279,17 @@ def test_a_frozen_dataset_is_repaired_elsewhere(tmp_path: Path) -> None:
 
 
 def test_elsewhere_it_has_the_objects_that_the_damaged_dataset_carries(tmp_path: Path) -> None:
-    dataset = make_dataset(tmp_path / "d", boards=2, finished=range(2))
-    carried = {f"objects/{name}": name.encode() for name in ("Lamp/own/mobility.urdf", "splits.json")}
-    for name, data in carried.items():
-        write_atomically(dataset.path / name, data, dataset.path)
+    tiny = Path(__file__).resolve().parents[2] / "datasets" / "tiny"
+    shutil.copytree(tiny, tmp_path / "d", copy_function=shutil.copyfile)
+    carried = {file.relative_to(tiny): file.read_bytes() for file in (tiny / "objects").rglob("*") if file.is_file()}
+    assert carried
     for _ in range(2):  # a repetition finds them there
-        repair(dataset.path, tmp_path / "out")
+        repair(tmp_path / "d", tmp_path / "out")
         assert {name: (tmp_path / "out" / name).read_bytes() for name in carried} == carried
+    file = next((tmp_path / "d" / "objects").rglob("*.urdf"))
+    file.write_bytes(file.read_bytes()[:99])
+    repair(tmp_path / "d", tmp_path / "without")
+    assert not (tmp_path / "without" / "objects").exists(), "those of the hashes are looked for elsewhere"
 
 
 def test_links_are_refused(dataset: Dataset, tmp_path: Path) -> None:

@@ -79,7 +79,7 @@ KEYS: dict[str, str] = {
     "bound_boards": "boards that the exact observer could follow; bounds are of these alone",
     "cause_intervals": "95 % intervals by a bootstrap over `boards`; over `objects` (the responders') and their "
     "boards; over `mechanisms` (their kinds) and their boards. Shares of 0 or 1 (not F1) have exact binomial bounds, "
-    "each board, object or kind being one trial",
+    "each board, object or kind being one trial (each board where all are of one object or kind)",
     "cause_boards": "the figures of each board",
     "by_board": "numerators and denominators on each board, of `parent_f1`, `link_parent_f1` and `mechanism_accuracy`, "
     "too, where they are told, for paired tests between models on the same boards",

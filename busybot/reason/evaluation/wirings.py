@@ -2,7 +2,8 @@
 
 In worlds whose mechanisms are drawn responder by responder, what is seen of one says nothing of another. On the paper's
 boards, on the twin of its real board and in scenes it does: a link that controls one responder controls no other, and
-every link that is not idle controls one.
+every link that is not idle controls one. Of scenes that is all that is taken into account: not which things are
+targets, nor that a group's first board has its controls and targets in one order (`boards.scenes`).
 
 Nothing that infers, predicts, explores or plans may import this module.
 """

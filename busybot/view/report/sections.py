@@ -270,7 +270,7 @@ def compared(results: Mapping[str, Judged]) -> list[Block]:
     for name, result in results.items():
         boards = result.dataset.get("board_hash")
         if boards and result.by_board:
-            which = (type(result), boards, result.dataset.get("content_hash"), result.boards)
+            which = (type(result), str(boards), str(result.dataset.get("content_hash")), result.boards)
             groups.setdefault(which, []).append((name, result))
     grids = [_comparison(told) for told in groups.values() if len(told) > 1]
     return [Heading("On the same boards", 3), Text(PAIRED), *grids] if grids else []

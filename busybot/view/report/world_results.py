@@ -325,13 +325,14 @@ class WorldResults:
 
     def _by_recording(self) -> dict[str, list[WorldReason]]:
         """Evaluations by what was recorded, in words: who acted is told where others acted on the same boards."""
-        recordings: dict[str, dict[object, list[WorldReason]]] = {}
+        recordings: dict[str, dict[str, list[WorldReason]]] = {}
         for result in self.reason.values():
             recordings.setdefault(boards_of(result), {}).setdefault(_content(result), []).append(result)
         found: dict[str, list[WorldReason]] = {}
         for words, own in recordings.items():
             for content, results in own.items():
-                found[f"{words}, {_who_acted(results[0], content)}" if len(own) > 1 else words] = results
+                name = f"{words}, {_who_acted(results[0], content)}" if len(own) > 1 else words
+                found.setdefault(name, []).extend(results)
         return found
 
     def understood(self, world: str, reasoner: str, board_hash: object) -> float | None:
@@ -357,14 +358,14 @@ def boards_of(result: _OfWorld) -> str:
     return f"{short(result.world)}: {short(told.get('name'))} ({short(told.get('split'))}), `{digest(told)}`"
 
 
-def _content(result: WorldReason) -> object:
-    return result.dataset.get("content_hash")
+def _content(result: WorldReason) -> str:
+    return short(str(result.dataset.get("content_hash")).replace("`", ""))
 
 
-def _who_acted(result: WorldReason, content: object) -> str:
+def _who_acted(result: WorldReason, content: str) -> str:
     """Who acted on the boards, and the recording's hash."""
     extra = result.model_extra or {}
-    return f"recorded by {short(extra.get('policy') or '?')}, `{short(str(content).replace('`', '')[:8])}`"
+    return f"recorded by {short(extra.get('policy') or '?')}, `{content[:8]}`"
 
 
 def digest(dataset: Mapping[str, Any]) -> str:

@@ -93,8 +93,8 @@ def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     """
     if not is_frozen(dataset):
         raise BusybotError(f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {dataset}")
-    _must_be_whole(dataset)
     plain_files(dataset)  # DVC would send what a link leads to
+    _must_be_whole(dataset)
     place = _folder_of(dataset)
     pointer = pointer_of(place)
     with tempfile.TemporaryDirectory(prefix="busybot-push-") as folder:
@@ -155,22 +155,23 @@ def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str
         raise
     dvc.run("checkout", "--force", POINTER)
     fetched = work / out.path
-    name, fault = MANIFEST_FILE, "which is none of a frozen dataset"
-    try:
-        faults = (
-            [one[:2] for one in unlike_manifest(fetched, read_manifest(fetched))]
-            if is_frozen(fetched)
-            else [(name, fault)]
-        )
-    except BusybotError as error:
-        faults = [(name, without_name(error, fetched / name))]
-    if faults:
-        for name, _ in faults:
-            remove(_cached(work, entries.get(name, out.md5)), work)  # who lists it not has another list
+    if faults := _faults(fetched):
+        for name in faults:
+            remove(_cached(work, entries.get(name, out.md5)), work)  # what is not listed makes the list a wrong one
         remove(fetched, work)
-        name, fault = faults[0]
+        name, fault = next(iter(faults.items()))
         what = f"{remote}: {name} came from there, {fault}"
         raise BusybotError(what, "do the same again; if that does not help, fetch it from another remote")
+
+
+def _faults(fetched: Path) -> dict[str, str]:
+    """What is wrong with files that were fetched, by name: nothing in a whole frozen dataset."""
+    if not is_frozen(fetched):
+        return {MANIFEST_FILE: "which is none of a frozen dataset"}
+    try:
+        return {name: fault for name, fault, _ in unlike_manifest(fetched, read_manifest(fetched))}
+    except BusybotError as error:
+        return {MANIFEST_FILE: without_name(error, fetched / MANIFEST_FILE)}
 
 
 def _cached(work: Path, digest: str) -> Path:

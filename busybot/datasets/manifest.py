@@ -26,6 +26,7 @@ MAX_MANIFEST_BYTES = 512 << 20
 """A million files need about 150 MB."""
 FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
+NOT_PLAIN = "neither a file nor a folder but a link or device"
 HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
 
 _SPDX = re.compile(r"[A-Za-z0-9.+-]+")
@@ -155,7 +156,7 @@ def plain_files(path: Path) -> dict[str, int]:
     """
     found = scan(path)
     if found.others:
-        what = f"{path / found.others[0]}: neither a file nor a folder but a link or device"
+        what = f"{path / found.others[0]}: {NOT_PLAIN}"
         raise BusybotError(what, "put a copy of the file in its place, or remove it")
     return found.files
 
@@ -208,7 +209,7 @@ def unlike_manifest(
     found = scanned.files
     for name in scanned.others:
         if not _hidden(name):
-            yield name, "neither a file nor a folder but a link or device", "put a copy of the file in its place"
+            yield name, NOT_PLAIN, "put a copy of the file in its place"
     for name in sorted(manifest.files.keys() - found.keys()):
         yield name, "missing; the manifest lists it", HINT_FETCH
     shared = sorted(manifest.files.keys() & found.keys())

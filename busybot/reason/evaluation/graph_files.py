@@ -119,11 +119,10 @@ class _Reading:
         if told.nodes:
             self.objects = {node.id: _object(node, episode) for node in told.nodes}
             self._only_once("nodes", [node.id for node in told.nodes])
-            known = {name: number for name, number in self.objects.items() if number is not None}
-            for number, count in Counter(known.values()).items():
-                if count > 1:
-                    first, second, *_ = (name for name, other in known.items() if other == number)
-                    what = f"{self.place}: nodes {first!r} and {second!r} are both object {number}"
+            names: dict[int, int | str] = {}
+            for name, number in self.objects.items():
+                if number is not None and names.setdefault(number, name) != name:
+                    what = f"{self.place}: nodes {names[number]!r} and {name!r} are both object {number}"
                     raise BusybotError(what, "give each the box of its own object")
 
     def graph(self) -> InferredGraph:

@@ -61,39 +61,42 @@ class Drawn:
     places: tuple[int, ...]
 
     def shares(self, likely: np.ndarray) -> np.ndarray:
-        """See `Wiring`: exact, of all assignments, by which responders are taken already; of more than `MOST`
-        responders each by itself."""
-        links, count = np.array(self.places, int), likely.shape[1]
+        """See `Wiring`: exact; of more than `MOST` responders each by itself."""
         likely = likely / np.maximum(likely.max(0), np.finfo(float).tiny)
-        suits = np.array(self.suits, bool).reshape(len(links), count)
-        told = np.where(suits, likely[links], 0.0)
+        suits = np.array(self.suits, bool).reshape(len(self.places), likely.shape[1])
+        told = np.concatenate([np.where(suits, likely[list(self.places)], 0.0), likely[-1:]])
         found = np.zeros(likely.shape)
-        if count > MOST:
-            own = _alone(suits) * np.concatenate([told, likely[-1:]])
-            found[[*links, -1]] = own / np.maximum(own.sum(0), np.finfo(float).tiny)
-            return found
-        taken = np.arange(2**count)  # sets of responders, a bit for each
-        frees = [(responder, taken[(taken >> responder) & 1 == 0]) for responder in range(count)]
-        before = [np.zeros(len(taken))]  # how probable it is that these are taken, and what they showed
-        before[0][0] = 1.0
-        for number, one in enumerate(told):
-            chosen, after = before[-1] * self._each(number, taken), np.zeros(len(taken))
+        found[[*self.places, -1]] = self._together(told) if likely.shape[1] <= MOST else _by_itself(suits, told)
+        return found
+
+    def _together(self, told: np.ndarray) -> np.ndarray:
+        """Shares of all assignments: forward and backward over the links, by which responders are taken already.
+
+        Args:
+            told: float (links that choose + 1, R), as `likely` of `shares`.
+        """
+        taken = np.arange(2 ** told.shape[1])  # sets of responders, a bit for each
+        frees = [(responder, taken[(taken >> responder) & 1 == 0]) for responder in range(told.shape[1])]
+        each = [self._each(number, taken) for number in range(len(self.places))]
+        before = [(taken == 0).astype(float)]  # how probable it is that these are taken, and what they showed
+        for one, choice in zip(told, each, strict=False):
+            chosen, later = before[-1] * choice, np.zeros(len(taken))
             for responder, free in frees:
-                after[free | 1 << responder] += chosen[free] * one[responder]
-            before.append(after)
+                later[free | 1 << responder] += chosen[free] * one[responder]
+            before.append(later)
         after = np.ones(len(taken))  # what is shown by those that are not taken then, whoever takes them
         for responder, free in frees:
-            after[free] *= likely[-1, responder]
-        total = before[-1] @ after
-        for number in range(len(links) - 1, -1, -1):
-            each, earlier = self._each(number, taken), np.zeros(len(taken))
+            after[free] *= told[-1, responder]
+        total, found = float(before[-1] @ after), np.zeros(told.shape)
+        for number in reversed(range(len(each))):
+            earlier = np.zeros(len(taken))
             for responder, free in frees:
-                follows = told[number, responder] * each[free] * after[free | 1 << responder]
-                found[links[number], responder] = before[number][free] @ follows
+                follows = told[number, responder] * each[number][free] * after[free | 1 << responder]
+                found[number, responder] = before[number][free] @ follows
                 earlier[free] += follows
             after = earlier
-        found = found / max(float(total), np.finfo(float).tiny)
-        found[-1] = (1 - found.sum(0)).clip(0) * (likely[-1] > 0) * (total > 0)
+        found = found / max(total, np.finfo(float).tiny)
+        found[-1] = (1 - found.sum(0)).clip(0) * (told[-1] > 0) * (total > 0)
         return found
 
     def _each(self, number: int, taken: np.ndarray) -> np.ndarray:
@@ -103,16 +106,17 @@ class Drawn:
         return np.divide(1.0, left, out=np.zeros(len(taken)), where=left > 0)
 
 
-def _alone(suits: np.ndarray) -> np.ndarray:
-    """How probable it is that each responder follows each link, and last that it follows none, before anything was
-    seen, float (L + 1, R): as if what one link takes were taken from all that suit it alike.
+def _by_itself(suits: np.ndarray, told: np.ndarray) -> np.ndarray:
+    """Shares of each responder alone, as if what one link takes were taken from all that suit it alike.
 
     Args:
-        suits: bool (L, R).
+        suits: bool (links that choose, R).
+        told: float (links that choose + 1, R), as `likely` of `Drawn.shares`.
     """
-    found = np.zeros((len(suits) + 1, suits.shape[1]))
+    drawn = np.zeros(told.shape)
     for number, suited in enumerate(suits):
-        left = suited * (1 - found[:number].sum(0))
-        found[number] = left / max(left.sum(), np.finfo(float).tiny)
-    found[-1] = (1 - found[:-1].sum(0)).clip(0)
-    return found
+        left = suited * (1 - drawn[:number].sum(0))
+        drawn[number] = left / max(left.sum(), np.finfo(float).tiny)
+    drawn[-1] = (1 - drawn[:-1].sum(0)).clip(0)
+    found = drawn * told
+    return np.asarray(found / np.maximum(found.sum(0), np.finfo(float).tiny))

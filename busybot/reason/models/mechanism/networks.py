@@ -316,9 +316,8 @@ class MechanismNet(nn.Module):
         self.change, self.odds = mlp(2 * width + odds, width, 1), nn.Linear(odds, 1, bias=False)
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
-        self.unseen = (
-            Unseen(len(config.worlds), config.apart) if config.unseen else None
-        )  # learned afterwards, see there
+        # learned afterwards, see there
+        self.unseen = Unseen(len(config.worlds), config.apart) if config.unseen else None
         self.rising = Rising() if config.rising else None  # learned before all else
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:

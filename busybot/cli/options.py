@@ -110,6 +110,11 @@ def interaction_models() -> list[str]:
     return _shipped("interact")
 
 
+def trained_reasoners() -> list[str]:
+    """Shipped models that `--from` takes."""
+    return _shipped("reason")
+
+
 def reasoners() -> list[str]:
     """Names that `--reasoner` takes."""
     from busybot.reason.models.registry import GRAPHS, without_training

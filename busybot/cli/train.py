@@ -18,6 +18,7 @@ from busybot.cli.options import (
     encoders,
     interaction_models,
     offering,
+    trained_reasoners,
 )
 from busybot.common.errors import BusybotError, UsageError
 
@@ -107,6 +108,14 @@ def reason(
             autocompletion=offering(encoders),
         ),
     ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            help="Model to begin with instead of random weights: a shipped one, or a folder.",
+            autocompletion=offering(trained_reasoners),
+        ),
+    ] = None,
     seed: SeedOption = 0,
     workers: WorkersOption = None,
     device: DeviceOption = "auto",
@@ -131,7 +140,7 @@ def reason(
         if lost := kept_to_judge(Dataset.open(path)):
             say(lost)
     with kept_in(out):
-        trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers)
+        trained = train_reason(out, parameters, tuple(data), seed, episode_progress, workers, start)
     _tell_held_out(trained.training, parameters.loop.held_out)
     _tell(json, out, "reason", trained.training)
 

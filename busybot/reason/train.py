@@ -17,8 +17,11 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from busybot.boards.spec import PAPER
-from busybot.common.errors import UsageError
+from busybot.common.errors import BusybotError, UsageError
+from busybot.common.frozen_model import first_fault
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import IMPORTED
@@ -29,9 +32,16 @@ from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.reason.models.registry import ReasonerInfo
-from busybot.training.checkpoint import save_model
+from busybot.training.checkpoint import load_tensors, load_weights, save_model
 from busybot.training.loop import Learner, fit
-from busybot.training.model_cards import INFO_FILE, read_info
+from busybot.training.model_cards import (
+    INFO_FILE,
+    WEIGHTS_FILE,
+    check_weights,
+    file_hashes,
+    find_folder,
+    read_info,
+)
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
 
 Config = EventConfig | PaperReasonConfig | MechanismConfig
@@ -54,21 +64,30 @@ Told = Callable[[str], AbstractContextManager[Progress]]
 
 
 def train_reason(
-    out: Path, config: Config, data: tuple[Path, ...], seed: int, told: Told, workers: int | None = None
+    out: Path,
+    config: Config,
+    data: tuple[Path, ...],
+    seed: int,
+    told: Told,
+    workers: int | None = None,
+    start: str | None = None,
 ) -> ReasonerInfo:
     """Train, or continue a training that was interrupted; returns what the model's `model.json` says.
 
     Args:
         data: datasets with episodes.
         workers: processes that compute missing features.
+        start: a shipped model's name or a model's folder, whose weights the training begins with; random ones without.
 
     Raises:
         BusybotError: the folder holds another training, or a dataset cannot be trained on.
     """
     datasets = [Dataset.open(path) for path in data]
-    config = suited(config, datasets)
+    model = None if start is None else find_folder(start, "reason")
+    config = suited(config if model is None else like(config, model), datasets)
     origin = [origin_of(dataset) for dataset in datasets]
-    begin_folder(out, config, seed, data=origin)
+    begun = {} if model is None else {"start": file_hashes(model)}
+    begin_folder(out, config, seed, data=origin, **begun)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", ReasonerInfo)
     features = []
@@ -77,6 +96,8 @@ def train_reason(
             features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
     boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
     learner = make_learner(config, boards, held_out, seed, told)
+    if model is not None:
+        begin_with(learner, model)
     figures = fit(learner, out, config.loop)
     plot(out, learner.name)
     info = ReasonerInfo(
@@ -86,6 +107,7 @@ def train_reason(
         training={
             "seed": seed,
             "data": origin,
+            **begun,
             "features": features[0].key,
             "oracle": any(found.oracle for found in features),
             **({"labels": LABELS[config.labels]} if isinstance(config, MechanismConfig) else {}),
@@ -122,6 +144,50 @@ def suited(config: Config, datasets: list[Dataset]) -> Config:
         if heard[name] and not labels:
             raise UsageError(f"net.{name}=true: only labels teach that", "leave it out, or train with labels=parents")
     return config.model_copy(update={"net": config.net.model_copy(update=heard)})
+
+
+def like(config: Config, model: Path) -> Config:
+    """The same with the sizes of a model's networks, where nobody chose others; what is learned beside may differ.
+
+    Raises:
+        BusybotError: its card is damaged.
+        UsageError: it is another kind of model, or reads other features.
+    """
+    card = read_info(model, ReasonerInfo)
+    if (card.model, card.encoder) != (config.model, config.encoder):
+        what = f"{model}: a model `{card.model}` that reads `{card.encoder}`, and `{config.model}` is trained"
+        raise UsageError(f"{what} that reads `{config.encoder}`", "begin with one of the same kind")
+    part = "network" if isinstance(config, PaperReasonConfig) else "net"
+    try:
+        theirs = getattr(type(config).model_validate(card.config), part)
+    except ValidationError as error:
+        raise BusybotError(f"{model / INFO_FILE}: config.{first_fault(error)}", "copy the model again") from None
+    kept = {name: getattr(theirs, name) for name in type(theirs).model_fields if name not in LEARNED_BESIDE}
+    own = getattr(config, part)
+    chosen = {name: getattr(own, name) for name in own.model_fields_set}
+    return config.model_copy(update={part: type(own)(**{**kept, **chosen})})
+
+
+LEARNED_BESIDE = ("unseen", "apart")
+"""Sizes of what is learned anew, see `Learner.learned_beside`."""
+
+
+def begin_with(learner: Learner, model: Path) -> None:
+    """Give a learner's network the weights of a model, all but those that are learned beside it.
+
+    Raises:
+        BusybotError: the model is damaged.
+        UsageError: its network has other sizes.
+    """
+    file, own, beside = model / WEIGHTS_FILE, learner.network.state_dict(), learner.learned_beside
+    found = load_tensors(file).tensors
+    check_weights(file, read_info(model, ReasonerInfo))
+    for name in sorted({*own, *found}):
+        theirs, wanted = (tuple(each[name].shape) if name in each else "absent" for each in (found, own))
+        if not name.startswith(beside) and theirs != wanted:
+            what = f"{file}: {name} is {theirs}, and in this training {wanted}"
+            raise UsageError(what, "leave its sizes as they are, or begin with another model")
+    load_weights(learner.network, {name: own[name] if name.startswith(beside) else found[name] for name in own}, file)
 
 
 def make_learner(config: Config, boards: RecordedBoards, held_out: RecordedBoards, seed: int, told: Told) -> Learner:

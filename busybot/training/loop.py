@@ -103,6 +103,7 @@ class Learner:
         iterations: of the whole training, for `fit`.
         budget: ends the training; None for one that ends with its iterations.
         leaves_out: whether it takes no step itself where the loss is no number; others end there.
+        learned_beside: names of weights begin with these that are not learned by iterations, and always anew.
     """
 
     name: str
@@ -111,6 +112,7 @@ class Learner:
     iterations: int
     budget: Budget | None = None
     leaves_out = False
+    learned_beside: tuple[str, ...] = ()
 
     def iterate(self, iteration: int) -> tuple[float, float]:
         """Train once; returns the loss and the learning rate. All it draws depends on the seed and `iteration`."""

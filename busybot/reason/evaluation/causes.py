@@ -84,6 +84,7 @@ class JudgedCauses:
         probabilities: float (K + 1, N, N), the model's.
         claimed: bool (K + 1, N, N), what the model claims.
         bound: bool (K + 1, N, N), what the exact observer claims; None without one.
+        observed: float32 (K + 1, N, N), his probabilities; None without one.
         links, links_bound: int (K + 1, N, 3), at the level of links for each responder how many parents are rightly
             claimed, claimed and true; None where links are not told, or there is no observer.
         links_silent: the same with no link claimed, where links are not told; it counts if they are on other boards.
@@ -102,6 +103,7 @@ class JudgedCauses:
     probabilities: np.ndarray
     claimed: np.ndarray
     bound: np.ndarray | None = None
+    observed: np.ndarray | None = None
     links: np.ndarray | None = None
     links_bound: np.ndarray | None = None
     links_silent: np.ndarray | None = None
@@ -189,7 +191,7 @@ class Watched:
     @cached_property
     def bound(self) -> np.ndarray | None:
         """See `JudgedCauses`."""
-        return None if self.observed is None else self.observed.objects & self.candidates
+        return None if self.observed is None else (self.observed.objects > CLAIMED) & self.candidates
 
     @cached_property
     def shown_rewirings(self) -> list[Rewired]:
@@ -273,7 +275,8 @@ def judge_causes(
     known, said = None, None
     if watched.observed is not None:
         known = watched.observed.changes
-        judged = replace(judged, bound=watched.bound, links_bound=watched.observed.links)
+        told = watched.observed
+        judged = replace(judged, bound=watched.bound, observed=told.objects, links_bound=told.links)
     if graph.changed is not None and graph.changed_at is not None:
         said = ChangeBelief(graph.changed, graph.changed_at)
     changes = judge_rewirings(board, watched.shown_rewirings, watched.judged, watched.followed, said, known)
@@ -450,7 +453,12 @@ def _replayed(watched: Watched) -> _Replayed | None:
 
 @dataclass(frozen=True)
 class _Observed:
-    """What the exact observer claims, as `JudgedCauses`, and what it believes after the observed actions."""
+    """What the exact observer tells, as `JudgedCauses`, and what it believes after the observed actions.
+
+    Attributes:
+        objects: float32 (K + 1, N, N), probabilities of parents.
+        links: as `JudgedCauses.links_bound`.
+    """
 
     objects: np.ndarray
     links: np.ndarray
@@ -463,7 +471,7 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
     board, triggers, objects = replayed.board, replayed.triggers, len(replayed.board.objects)
     space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
     shown, owners = replayed.shown[:, responders], [name.object for name in replayed.names]
-    pairs_, links = np.zeros((count + 1, objects, objects), bool), np.zeros((count + 1, objects, 3), int)
+    pairs_, links = np.zeros((count + 1, objects, objects), np.float32), np.zeros((count + 1, objects, 3), int)
     changes = ChangeBelief(np.zeros((count, objects)), np.full(objects, -1))
     last = None
     try:
@@ -473,7 +481,7 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
                 observer.see(triggers[number], shown[number])
             belief = observer.belief()
             if number <= count:
-                pairs_[number][:, responders] = belief.object_parents(owners, objects) > CLAIMED
+                pairs_[number][:, responders] = belief.object_parents(owners, objects)
                 single = np.zeros((len(owners), objects), bool)
                 single[:, responders] = belief.parents() > CLAIMED
                 links[number] = count_parents(single, true_links(board, replayed.names, max(0, number - 1)))

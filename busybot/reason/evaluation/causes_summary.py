@@ -21,6 +21,8 @@ CALIBRATED = (4, 8, 12, 16, 22, 30)
 """Numbers of images after which probabilities are judged."""
 EARLY = tuple(sorted({*(images - 1 for images in CALIBRATED), 10}))
 """After so many actions a model is asked what it believes with no later picture before it."""
+SUREST = 0.001
+"""Nobody is surer than this where beliefs are compared with the exact observer's."""
 FOUND = 0.95
 """Parents count as found from this F1 on."""
 
@@ -63,6 +65,11 @@ KEYS: dict[str, str] = {
     f"is; null below {LEAST_PAIRS}, which say too little",
     "ece_by_chance": "what `ece_uncertain` would be on average if every probability were right and each pair stood by "
     "itself: who is perfectly calibrated is above it as often as below",
+    "belief_bias, belief_divergence": "how far the model's probabilities of pairs are from the exact observer's, "
+    "who is as unsure as the recording leaves anybody. Bias: mean difference over the pairs of which either is "
+    "unsure (.05 < p < .95). Divergence: mean Kullback-Leibler divergence from his, nats, over all pairs, where "
+    f"nobody counts as surer than 1 - {SUREST}. Which way luck fell does not enter, so both differ less from board to "
+    "board than calibration does. Null without the observer",
     "uncertain_by_images": f"the same after {', '.join(map(str, CALIBRATED))} images, of a model that has seen no "
     "more (of proposed objects it knows the places from all that it is to observe)",
     "discovery": "`parent_p`, `parent_r`, `parent_f1`, the same of links and the bounds' F1 after 1 to 40 actions, of "
@@ -332,6 +339,21 @@ def _uncertain(causes: Sequence[JudgedCauses], steps: int, long_enough: bool = F
         "ece_uncertain": m.calibration_error(said[unsure], true[unsure]) if enough else None,
         "ece_by_chance": m.calibration_error_by_chance(said[unsure], rng) if enough else None,
         "uncertain_pairs": int(unsure.sum()),
+        **_beside_observer([one for one in own if one.observed is not None], steps),
+    }
+
+
+def _beside_observer(causes: Sequence[JudgedCauses], steps: int) -> dict[str, float | None]:
+    """How far beliefs are from the exact observer's, of boards that he could follow."""
+    said, best = (
+        np.concatenate([np.zeros(0), *(getattr(one, told)[_at(one, steps)][one.candidates] for one in causes)])
+        for told in ("probabilities", "observed")
+    )
+    unsure = m.are_uncertain(said) | m.are_uncertain(best)
+    p, q = best.clip(SUREST, 1 - SUREST), said.clip(SUREST, 1 - SUREST)
+    return {
+        "belief_bias": m.mean((said - best)[unsure]),
+        "belief_divergence": m.mean(p * np.log(p / q) + (1 - p) * np.log((1 - p) / (1 - q))),
     }
 
 

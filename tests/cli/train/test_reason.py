@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
+import torch
 from safetensors.torch import load_file
 from typer.testing import CliRunner, Result
 
@@ -20,7 +21,7 @@ from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.registry import ReasonerInfo, load_reasoner
 from busybot.reason.train import suited
-from busybot.training.model_cards import read_info
+from busybot.training.model_cards import file_hashes, read_info
 from tests.cli.killing import kill_once_it_learns
 from tests.episodes.folders import make_dataset
 from tests.reason.inputs.test_observation import garbled
@@ -181,6 +182,44 @@ def test_the_mechanism_model_learns_from_true_parents_and_says_so(tmp_path: Path
     net = MechanismConfig.model_validate(read_info(out / "model", ReasonerInfo).config).net
     assert (net.unsteady, net.rising, net.unseen, net.changes, net.worlds) == (False, True, True, True, ("paper",))
     assert net.families
+
+
+def test_a_training_may_begin_with_a_model(tmp_path: Path, data: Path) -> None:
+    """With its sizes, whatever the defaults are. Without an iteration only what is learned beside them is new."""
+    few = ("batch=2", "drawn=2", "loop.judge=2", "net.unsteady=false")
+
+    def command(out: str, *more: str) -> list[str]:
+        settings = [word for one in few for word in ("--set", one)]
+        told = ["--data", str(data), "--workers", "1", "--json"]
+        return ["train", "reason", "--variant", "mechanism", "--out", str(tmp_path / out), *told, *settings, *more]
+
+    first = command("first", "--set", "iterations=4", "--set", "net.width=8", "--set", "net.apart=false")
+    assert run(*first).exit_code == 0
+    start = ("--from", str(tmp_path / "first"))
+    same = run(*command("same", "--set", "iterations=0", *start))
+    assert same.exit_code == 0, same.stderr
+    card = read_info(tmp_path / "same" / "model", ReasonerInfo)
+    assert card.training["start"] == file_hashes(tmp_path / "first" / "model")
+    net = MechanismConfig.model_validate(card.config).net
+    assert (net.width, net.apart) == (8, True), "that model's sizes; what is learned beside may differ"
+    one, other = (load_file(tmp_path / name / "model" / "weights.safetensors") for name in ("first", "same"))
+    kept = [name for name in one if not name.startswith(("unseen.", "rising.", "change.2.", "odds."))]
+    assert len(kept) > 20 and all(torch.equal(one[name], other[name]) for name in kept)
+    assert other["unseen.weight"].shape != one["unseen.weight"].shape and other["unseen.weight"].any()
+
+    on = command("on", "--set", "iterations=4", *start)
+    assert run(*on).exit_code == 0
+    went = load_file(tmp_path / "on" / "model" / "weights.safetensors")
+    assert not any(torch.equal(one[name], went[name]) for name in ("token.1.weight", "final.0.weight"))
+    elsewhere = run(*command("on", "--set", "iterations=4"))
+    assert elsewhere.exit_code != 0 and "start" in elsewhere.stderr, "another beginning is another training"
+
+    wide = run(*command("wide", "--set", "net.width=16", *start))
+    assert wide.exit_code == 2 and "weights.safetensors: " in wide.stderr and "leave its sizes" in wide.stderr
+    event = run(*command("event", "--from", "event"))
+    assert event.exit_code == 2 and "a model `event` that reads" in event.stderr
+    absent = run(*command("absent", "--from", str(tmp_path / "nowhere")))
+    assert absent.exit_code != 0 and "no model of that name" in absent.stderr
 
 
 def test_without_labels_nothing_is_wanted_that_they_teach(data: Path) -> None:

@@ -436,6 +436,27 @@ def test_calibration_needs_enough_uncertain_pairs() -> None:
     assert told == {4: 504, 8: 504, 12: 504, 16: 504, 22: 504, 30: 0}, "no board has 29 actions"
 
 
+def test_beliefs_are_compared_with_the_observers() -> None:
+    """Who says what he says is off by nothing; one who is surer of every pair by .2 is, by that, and the other way."""
+    episode = play([AND, FOLLOWS], PRESSES)
+    judged = judge_causes(watched(episode), claims((0, 1), p=0.7))
+    assert judged.observed is not None and judged.bound is not None
+    assert np.array_equal(judged.bound, (judged.observed > 0.5) & judged.candidates)
+    doubted = replace(judged, observed=np.full(judged.observed.shape, 0.3))
+    for said, bias in ((0.3, 0.0), (0.5, 0.2), (0.1, -0.2)):
+        told = summary((episode, replace(doubted, probabilities=np.full(judged.probabilities.shape, said))))
+        assert told["belief_bias"] == pytest.approx(bias)
+        apart = 0.3 * np.log(0.3 / said) + 0.7 * np.log(0.7 / (1 - said))
+        assert told["belief_divergence"] == pytest.approx(apart, abs=1e-6)
+    sure = summary((episode, replace(judged, probabilities=judged.observed)))
+    assert sure["belief_divergence"] == pytest.approx(0, abs=1e-6)
+    wrong = replace(judged, observed=np.ones(judged.observed.shape), probabilities=np.zeros(judged.observed.shape))
+    told = summary((episode, wrong))
+    assert told["belief_bias"] is None and told["belief_divergence"] == pytest.approx(np.log(999), rel=0.01)
+    blind = summary((episode, replace(judged, observed=None)))
+    assert blind["belief_bias"] is blind["belief_divergence"] is None
+
+
 def test_nothing_judged_is_null_and_no_crash() -> None:
     told = summary()
     assert told["parent_f1"] is told["shd"] is told["mechanism_bound"] is told["what_if"] is None

@@ -20,7 +20,8 @@ class MechanismNetConfig(FrozenModel):
         changes: whether it says which mechanisms changed. This and the next four are what labels teach: training with
             labels chooses them, training without does without, unless they are given.
         unseen: whether it says how probable it is that links decide a responder that nobody saw moving.
-        apart: whether what is known of such a responder is weighed in each world in its own way. Trainings choose it.
+        apart: whether what is known of such a responder is weighed in each world in its own way, and may speak against
+            what is believed of known links, too. Trainings choose it.
         rising: whether it hears which way round links are, as far as their looks tell.
         unsteady: whether it hears that the camera was not still.
     """

@@ -28,7 +28,7 @@ from busybot.reason.models.mechanism.config import MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import INPUTS, MEMORIES, REMEMBERED, Trace, explanations_of, layout
 from busybot.reason.models.mechanism.evidence import EVIDENCE, SCALE, WITNESSES, evidence_of
 from busybot.reason.models.mechanism.rising import Rising, alike_of, explained, lawful, ways_of
-from busybot.reason.models.mechanism.unseen import Unseen
+from busybot.reason.models.mechanism.unseen import UnseenAlike, UnseenByWorld
 from busybot.reason.models.message_passing import GraphModule
 from busybot.reason.pyg import HeteroData, scatter
 
@@ -317,7 +317,8 @@ class MechanismNet(nn.Module):
         self.anew = nn.Linear(width, 1)
         self.gather = Gather()
         # learned afterwards, see there
-        self.unseen = Unseen(len(config.worlds), config.apart) if config.unseen else None
+        unseen = UnseenByWorld if config.apart else UnseenAlike
+        self.unseen = unseen(len(config.worlds)) if config.unseen else None
         self.rising = Rising() if config.rising else None  # learned before all else
 
     def forward(self, graph: HeteroData) -> tuple[Tensor, Tensor, Tensor | None]:

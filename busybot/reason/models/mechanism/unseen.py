@@ -26,7 +26,10 @@ RARE = -2.0
 TINY = 1e-4
 """Nothing is believed to be less probable, nor more probable than all but this, when it is learned."""
 DECAY = 1e-4
-"""Weight of the squares of all weights in the loss."""
+"""Weight in the loss of the squares of how far all weights are from where they began."""
+STEPS = 200
+SMALL = 0.1
+"""Squares of log odds are at most some tens; this makes them as large as the rest."""
 
 
 @dataclass(frozen=True)
@@ -106,18 +109,7 @@ class Unseen(nn.Module):
     Shapes:
         input: `Pairs`; number of the world that is told, see `networks.world_number`.
         output: (K, O, R).
-
-    Args:
-        worlds: how many may be told.
-        apart: whether each world weighs facts in its own way, as far as its boards tell it; otherwise worlds differ in
-            how probable a link is that nothing tells of.
     """
-
-    def __init__(self, worlds: int, apart: bool = False):
-        super().__init__()
-        self.weight = nn.Parameter(torch.zeros(SEVERAL + 1, FACTS))
-        self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1))
-        self.apart = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1, FACTS)) if apart else None
 
     def forward(self, pairs: Pairs, world: int) -> Tensor:
         """See above."""
@@ -126,9 +118,7 @@ class Unseen(nn.Module):
 
     def _any(self, believed: Tensor, facts: Tensor, kinds: Tensor, worlds: Tensor) -> Tensor:
         """Of pairs in any shape (..., the same with FACTS behind for `facts`), each with its own kind and world."""
-        weight = self.weight[kinds] if self.apart is None else self.weight[kinds] + self.apart[kinds, worlds]
-        logits = (facts * weight).sum(-1) + self.world[kinds, worlds]
-        return torch.as_tensor(believed + (1 - believed) * torch.sigmoid(logits + RARE))
+        raise NotImplementedError
 
     def learn(self, boards: Sequence[tuple[Pairs, int]], true: Sequence[np.ndarray]) -> float:
         """Fit all weights to recorded boards, each with the world that is told of it; returns the mean negative log
@@ -148,18 +138,59 @@ class Unseen(nn.Module):
             for (pairs, world), right in zip(boards, true, strict=True)
         ]
         believed, facts, kinds, worlds, right = (torch.cat(column) for column in zip(*rows, strict=True))
-        descent = torch.optim.LBFGS(self.parameters(), max_iter=200, line_search_fn="strong_wolfe")
+        start = [one.detach().clone() for one in self.parameters()]
+        descent = torch.optim.LBFGS(self.parameters(), max_iter=STEPS, line_search_fn="strong_wolfe")
 
         def loss() -> Tensor:
             descent.zero_grad()
             told = self._any(believed, facts, kinds, worlds)
             lost = binary_cross_entropy(told.clamp(TINY, 1 - TINY), right.float())
-            total = lost + DECAY * sum((one**2).sum() for one in self.parameters())
+            moved = sum(((one - first) ** 2).sum() for one, first in zip(self.parameters(), start, strict=True))
+            total = lost + DECAY * moved
             total.backward()
             return total
 
         descent.step(loss)
         return float(loss().detach())
+
+
+class UnseenAlike(Unseen):
+    """What is believed of known links stays, and in the rest of all cases it may be a link that nobody saw moving: by a
+    logistic model of `Pairs.facts`. Worlds differ in how probable a link is that nothing tells of.
+
+    Args:
+        worlds: how many may be told.
+    """
+
+    def __init__(self, worlds: int):
+        super().__init__()
+        self.weight = nn.Parameter(torch.zeros(SEVERAL + 1, FACTS))
+        self.world = nn.Parameter(torch.zeros(SEVERAL + 1, worlds + 1))
+
+    def _any(self, believed: Tensor, facts: Tensor, kinds: Tensor, worlds: Tensor) -> Tensor:
+        logits = (facts * self.weight[kinds]).sum(-1) + self.world[kinds, worlds]
+        return torch.as_tensor(believed + (1 - believed) * torch.sigmoid(logits + RARE))
+
+
+class UnseenByWorld(Unseen):
+    """A logistic model of `Pairs.facts` and of what is believed of known links, which each world has of its own. It may
+    believe less than the network does, too: what a link did that nobody saw may have been laid to a known one. Before
+    it learns it believes what the network does.
+
+    Args:
+        worlds: how many may be told.
+    """
+
+    def __init__(self, worlds: int):
+        super().__init__()
+        weight = torch.zeros(SEVERAL + 1, worlds + 1, 2 * FACTS + 2)
+        weight[..., FACTS] = 1  # of the log odds themselves
+        self.weight = nn.Parameter(weight)
+
+    def _any(self, believed: Tensor, facts: Tensor, kinds: Tensor, worlds: Tensor) -> Tensor:
+        odds = believed.clamp(TINY, 1 - TINY).logit()[..., None]
+        told = torch.cat([facts, odds * facts, odds**2 * SMALL, odds.relu()], -1)
+        return torch.sigmoid((told * self.weight[kinds, worlds]).sum(-1))
 
 
 def _so_far(happened: np.ndarray) -> np.ndarray:

@@ -141,6 +141,7 @@ class MechanismLearner(Learner):
     """
 
     name = "mechanism"
+    learned_beside = "unseen.", "rising."
     network: MechanismNet
 
     def __init__(

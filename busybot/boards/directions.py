@@ -41,6 +41,20 @@ def direction_of(vector: Sequence[float]) -> int:
     return int(np.argmax(DIRECTIONS @ np.asarray(vector, float)))
 
 
+def annotated_directions(vectors: Sequence[Sequence[float]], yaw: float) -> np.ndarray:
+    """Unit vectors float64 (n, 3) in the board's frame of directions in which an object's annotation says that it can
+    be moved.
+
+    Args:
+        vectors: of any length but none, in the frame of the object as it stands where it is not turned.
+        yaw: how far it is turned about z, radians.
+    """
+    x, y, z = np.array(vectors, float).reshape(-1, 3).T
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=1)
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
+
+
 def direction_named(text: str) -> int:
     """The direction that a cell names: words, or its number.
 

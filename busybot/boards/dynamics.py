@@ -13,7 +13,7 @@ from functools import cached_property
 from itertools import accumulate, islice
 
 from busybot.boards.mechanisms import Mechanism, mechanism_of
-from busybot.boards.mechanisms.base import Luck
+from busybot.boards.mechanisms.base import Inputs, Luck, Memory
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, Relation
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
@@ -66,15 +66,41 @@ class Bound:
         responder: index of the object that it decides.
         inputs: of each input the number of a trigger link, or the index of a responder and True.
         stream: names its luck.
+        stages: how many states the responder has.
     """
 
     mechanism: Mechanism
     responder: int
     inputs: tuple[tuple[int, bool], ...]
     stream: str
+    stages: int
 
     def read(self, triggers: Sequence[int], shown: Sequence[int]) -> tuple[int, ...]:
         return tuple(shown[place] if responder else triggers[place] for place, responder in self.inputs)
+
+    def start(self, inputs: Inputs) -> tuple[int, Memory]:
+        """As `Mechanism.start`.
+
+        Raises:
+            BusybotError: the responder has no such state.
+        """
+        return self._checked(*self.mechanism.start(inputs))
+
+    def step(
+        self, inputs: tuple[int, ...], memory: tuple[int, ...], chance: Luck | None
+    ) -> tuple[int, tuple[int, ...]]:
+        """As `Mechanism.step`.
+
+        Raises:
+            BusybotError: the responder has no such state.
+        """
+        return self._checked(*self.mechanism.step(inputs, memory, chance))
+
+    def _checked(self, state: int, memory: Memory) -> tuple[int, Memory]:
+        if not 0 <= state < self.stages:
+            what = f"its mechanism, of the kind {self.mechanism.kind!r}, shows state {state} of {self.stages}, from 0"
+            raise BusybotError(f"responder {self.responder}: {what}", "correct what its class starts and steps to")
+        return state, memory
 
 
 class Dynamics:
@@ -108,6 +134,10 @@ class Dynamics:
                 raise BusybotError(
                     f"board {board.index}: a rewiring of responder {one.relation.responder}, which has no relation"
                 )
+            before = board.relations[place[one.relation.responder]]
+            if one.relation.stage != before.stage:
+                what = f"a rewiring makes it {one.relation.stage}-stage, and it is built {before.stage}-stage"
+                raise BusybotError(f"board {board.index}, responder {before.responder}: {what}", "keep its stage")
             found = (place[one.relation.responder], self._bind(one.relation))
             self._rewired.setdefault(one.step, []).append(found)
         self._locks = tuple((self.number(lock.link), lock) for lock in board.locks)
@@ -120,7 +150,7 @@ class Dynamics:
         for _ in range(max(1, len(self._bound))):
             before = list(shown)
             for number, bound in enumerate(self._bound):
-                shown[bound.responder], memories[number] = bound.mechanism.start(bound.read(triggers, shown))
+                shown[bound.responder], memories[number] = bound.start(bound.read(triggers, shown))
             if shown == before:
                 break
         return DynamicState(0, tuple(shown), tuple(memories))
@@ -133,10 +163,10 @@ class Dynamics:
         for number, bound in enumerate(bound_now):
             inputs = bound.read(triggers, state.shown)
             if number in fresh:
-                shown[bound.responder], memories[number] = bound.mechanism.start(inputs)
+                shown[bound.responder], memories[number] = bound.start(inputs)
                 continue
             chance = self.chance(bound, state.tick) if bound.mechanism.draws and self.lucky else None
-            shown[bound.responder], memories[number] = bound.mechanism.step(inputs, state.memories[number], chance)
+            shown[bound.responder], memories[number] = bound.step(inputs, state.memories[number], chance)
         return DynamicState(state.tick + 1, tuple(shown), tuple(memories))
 
     def run(self, triggers: Iterable[Sequence[int]]) -> list[DynamicState]:
@@ -192,7 +222,8 @@ class Dynamics:
     @cached_property
     def remembers(self) -> bool:
         """Whether what shows depends on more than the trigger links' present states, unlike in the paper's world."""
-        memory = any(one.mechanism.draws or one.mechanism.start((0,) * len(one.inputs))[1] for one in self._bound)
+        # a kind that begins with nothing to remember may have something later
+        memory = any(one.mechanism.draws or type(one.mechanism).step is not Mechanism.step for one in self._bound)
         return memory or bool(self._rewired) or any(responder for one in self._bound for _, responder in one.inputs)
 
     def _bind(self, relation: Relation) -> Bound:
@@ -202,7 +233,8 @@ class Dynamics:
         if max(mechanism.table, default=0) >= STAGES[relation.stage]:
             what = f"a {relation.stage}-stage responder has no state {max(mechanism.table)}"
             raise BusybotError(f"board {self.board.index}, responder {relation.responder}: {what}")
-        return Bound(mechanism, relation.responder, inputs, str(relation.parameters.get("stream", relation.responder)))
+        stream = str(relation.parameters.get("stream", relation.responder))
+        return Bound(mechanism, relation.responder, inputs, stream, STAGES[relation.stage])
 
     def _input(self, reference: LinkRef) -> tuple[int, bool]:
         if reference.link == BODY and self.board.objects[reference.object].role == "responder":

@@ -69,6 +69,10 @@ class LinkRef(FrozenModel):
     link: Annotated[str, Field(min_length=1, max_length=64)]
 
 
+KIND_PATTERN = r"^[a-z0-9-]{1,64}$"
+"""Of names of kinds."""
+
+
 class Relation(FrozenModel):
     """What together decides the state of one responder.
 
@@ -84,7 +88,7 @@ class Relation(FrozenModel):
         parameters: of the mechanism; `stream` names the luck that several responders have in common.
     """
 
-    kind: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")]
+    kind: Annotated[str, Field(pattern=KIND_PATTERN)]
     triggers: Annotated[tuple[LinkRef, ...], Field(max_length=64)]
     responder: Index
     stage: Literal["single", "multi"]
@@ -130,7 +134,7 @@ class Task(FrozenModel):
         shortest: number of actions of the shortest plan, where a search found it; else None.
     """
 
-    kind: Annotated[str, Field(pattern=r"^[a-z0-9-]{1,64}$")]
+    kind: Annotated[str, Field(pattern=KIND_PATTERN)]
     links: Annotated[tuple[LinkRef, ...], Field(min_length=1, max_length=1024)]
     goal: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=1024)]
     responders: Annotated[tuple[Annotated[int, Field(ge=-1, le=15)], ...], Field(max_length=64)] | None = None

@@ -46,6 +46,8 @@ drive would have shown at first: what a board looks like does not tell who is mo
 UNUSED_WEIGHT = 4.0
 """A link that controls nothing yet is chosen so many times more often."""
 NOVEL = "novel-mechanism"
+MOST_INPUTS = 3
+"""Of a mechanism that is alone in a world, of drawn boards."""
 CLOCKED = (2, 3)
 """A hidden clock moves so many responders."""
 
@@ -147,7 +149,12 @@ def world_named(name: str, novel: bool = False) -> World:
     if not kind.arity[1]:
         raise BusybotError(f"no link drives the mechanism {name!r}", "choose a world that has it: chance or mixed")
     least, most = kind.arity
-    counts = [count for count in range(max(least, 1), min(most, 3) + 1) if _is_drawn(kind, count, novel)]
+    if least > MOST_INPUTS:
+        what = f"the mechanism {name!r} has at least {least} inputs, and of drawn ones none has more than {MOST_INPUTS}"
+        raise BusybotError(what, "write boards with it by hand, or let it have fewer")
+    counts = [count for count in range(max(least, 1), min(most, MOST_INPUTS) + 1) if _is_drawn(kind, count, novel)]
+    if not counts and not any(_is_drawn(kind, count, not novel) for count in range(max(least, 1), MOST_INPUTS + 1)):
+        raise BusybotError(f"the mechanism {name!r} draws none of itself", "let its `draw` return one for some sizes")
     if not counts:
         split = f"the split {NOVEL!r} has" if novel else f"only the split {NOVEL!r} has"
         other = f"leave --split {NOVEL} out" if novel else f"give --split {NOVEL}"

@@ -84,11 +84,20 @@ def generate(
     if json:
         thrown = {reason: redraws[reason] for reason in REASONS}
         facts = {name: getattr(dataset.info, name) for name in ("boards", "split", "seed")}
-        print_json({"dataset": out, **facts, "board_hash": dataset.hashes().board, "redraws": thrown})
+        print_json(
+            {
+                "dataset": out,
+                **facts,
+                "assets": dataset.info.assets.name,
+                "board_hash": dataset.hashes().board,
+                "redraws": thrown,
+            }
+        )
     else:
         where = "" if parameters.world == PAPER else f", world {parameters.world}"
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
         made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}{where}) in {out}"
+        made += f", of {dataset.info.assets.name} objects"
         say(f"{made}; {redraws.total()} draws did not fit and were redrawn")
         say(f"next: {collect_command(out, dataset.info, own_name())}")
 

@@ -54,9 +54,11 @@ def refusing_addresses(command: Any) -> None:
     def checked(process: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
         def processed(context: Any, value: Any) -> Any:
             found = process(context, value)
-            if isinstance(found, Path) and isinstance(value, str) and SCHEME.match(value):
-                what = f"{RemotePath(value)}: an address, and this is a path of this machine"
-                raise UsageError(what, HINT_ADDRESS)
+            several = isinstance(found, list | tuple) and isinstance(value, list | tuple)
+            for path, word in zip(found, value, strict=False) if several else ((found, value),):
+                if isinstance(path, Path) and isinstance(word, str) and SCHEME.match(word):
+                    what = f"{RemotePath(word)}: an address, and this is a path of this machine"
+                    raise UsageError(what, HINT_ADDRESS)
             return found
 
         return processed

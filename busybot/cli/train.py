@@ -197,13 +197,14 @@ def _planner(agent: str, about: str) -> Callable[..., None]:
         with kept_in(out):
             info, budget = train_policy(out, built, source, seed, processes(workers), episode_progress)
         _tell_held_out(info.training, built.loop.held_out)
+        among = f" --policy-model {quote(policy_model)}" if policy_model else ""
         minutes = f"{budget['minutes']} of at most {budget['minutes_allowed']} minutes"
         answer(
             json,
             {"out": out, "model": out / "model", "training": info.training, "budget": budget},
             f"{budget['iterations']} iterations in {minutes}",
             f"the policy is in {out / 'model'}",
-            f"next: busybot eval plan DATASET --agents {quote(f'{agent}={out}')}",
+            f"next: busybot eval plan DATASET --agents {quote(f'{agent}={out}')}{among}",
         )
 
     train.__doc__ = about

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from busybot.boards.directions import DIRECTIONS
+from busybot.boards.directions import DIRECTIONS, annotated_directions
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
@@ -34,7 +34,7 @@ from busybot.sim.scene.board_scene import Simulator
 from busybot.sim.scene.render import RenderConfig
 
 AnnotatedDirections = Mapping[str, Sequence[Sequence[float]]]
-"""Object key to its annotated effective directions, not normalised, board frame."""
+"""Object key to its annotated effective directions, not normalised, as of `annotated_directions`."""
 SIMULATED = ("responders", "interaction", "render")
 """Parameters that decide how episodes come about."""
 OFF_AXIS_DEG = 30.0
@@ -49,7 +49,9 @@ def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) 
         annotated: of every trigger object on the board.
         delta: more changed pixels than this are a reward, whatever the policy was rewarded by.
     """
-    keys = [placed.key for placed in episode.board.objects]
+    objects = episode.board.objects
+    keys = [placed.key for placed in objects]
+    permitted = [annotated_directions(annotated.get(placed.key, ()), placed.yaw) for placed in objects]
     first = episode.image(0).segmentation
     assert first is not None, "a simulator's images have a segmentation"
     visible = np.bincount(first.ravel(), minlength=len(episode.links) + 1)
@@ -73,19 +75,18 @@ def judge_episode(episode: Episode, annotated: AnnotatedDirections, delta: int) 
                 success=step.success,
                 reward=step.changed_pixels > delta,
                 changed_pixels=step.changed_pixels,
-                off_axis=off_axis(step.executed[-1], annotated[keys[step.acted_object]]) if step.success else None,
+                off_axis=off_axis(step.executed[-1], permitted[step.acted_object]) if step.success else None,
                 vetoed=step.vetoed,
             )
         )
     return m.JudgedBoard(board=episode.board.index, links=links, actions=tuple(actions))
 
 
-def off_axis(direction: int, annotated: Sequence[Sequence[float]]) -> bool:
-    """Whether one of the 18 directions is more than `OFF_AXIS_DEG` off every annotated one; true if there is none."""
-    known = np.array(annotated, float).reshape(-1, 3)
+def off_axis(direction: int, known: np.ndarray) -> bool:
+    """Whether one of the 18 directions is more than `OFF_AXIS_DEG` off all of `annotated_directions`, (n, 3); true if
+    there is none."""
     if not len(known):
         return True
-    known /= np.linalg.norm(known, axis=1, keepdims=True)
     return bool((known @ DIRECTIONS[direction]).max() <= np.cos(np.deg2rad(OFF_AXIS_DEG)))
 
 

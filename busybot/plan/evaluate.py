@@ -25,6 +25,7 @@ from busybot.interact.policy.policy_factory import candidates_config, fingerprin
 from busybot.objects.library import Library
 from busybot.plan import metrics as m
 from busybot.plan.agents.registry import TRAINED, kind_of, name_of
+from busybot.plan.learning.network import load_policy
 from busybot.plan.rollout import PlanConfig, RolloutRunner, check_settings
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.registry import config_class, reasoner_of, without_training
@@ -92,6 +93,18 @@ def evaluate_agents(
     result["world"] = ", ".join(sorted({board.world for board in dataset.boards()[: len(tasks)]}))
     result["logged"] = log_judgement(dataset, tasks, f"{', '.join(names)} ({settings['reasoner']})", result)
     return conclude(out, result)
+
+
+def trained_elsewhere(evaluation: PlanEvaluation) -> list[str]:
+    """Sentences about trained agents that learned among the candidates of another interaction model."""
+    told, here = [], fingerprint(evaluation.policy_model)
+    for name, _, path in (agent.partition("=") for agent in evaluation.agents):
+        if kind := next((one for one in TRAINED if one == name), None):
+            known = load_policy(path, kind)[0].training.get("model")
+            if isinstance(known, dict) and known.get("sha256") != here["sha256"]:
+                what = f"{path} learned among the candidates of the interaction model {known.get('name')}"
+                told.append(f"{what}, and chooses here among those of {here['name']}; --policy-model names another")
+    return told
 
 
 def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:

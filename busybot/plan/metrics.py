@@ -95,8 +95,8 @@ class JudgedRollout(FrozenModel):
 
     @property
     def success(self) -> float:
-        """Share of affectable responders in their goal state."""
-        return sum(one.reached for one in self.responders) / max(1, len(self.responders))
+        """Share of affectable responders in their goal state; 1 where there is none."""
+        return sum(one.reached for one in self.responders) / len(self.responders) if self.responders else 1.0
 
     @property
     def solved(self) -> bool:

@@ -179,7 +179,8 @@ class RolloutRunner:
         assert policy is not None
         episode.settings |= notes(policy.decisions)
         links = links_of([self._simulator.library.get(placed.key) for placed in board.objects])
-        edges = np.array(board.relation_matrix(), bool) if kind.relations else task.edges
+        told = task.edges if kind.graph else None
+        edges = np.array(board.relation_matrix(), bool) if kind.relations else told
         return PlayedRollout(episode, judge_rollout(episode, links, policy, task.briefing, edges))
 
     def _policy(self, task: PreparedTask, kind: AgentSpec, name: str | None, scene: BoardScene | None) -> AgentPolicy:
@@ -218,7 +219,7 @@ class _OracleSeat(_Seat):
 
 
 def judge_rollout(
-    rollout: Episode, links: Links, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray
+    rollout: Episode, links: Links, policy: AgentPolicy, briefing: TaskContext, edges: np.ndarray | None
 ) -> JudgedRollout:
     """Put the truth beside what an agent did: what shows at its end, also where luck or memory has a part in it.
 
@@ -226,7 +227,8 @@ def judge_rollout(
         rollout: on a board with a task, with segmentation.
         links: the board's trigger links.
         policy: that acted.
-        edges: bool (N, N), relations that the agent was told: those that the reasoner claims, or the true ones.
+        edges: bool (N, N), relations that the agent was told: those that the reasoner claims, or the true ones; None
+            for an agent that is told none.
     """
     board, steps = rollout.board, rollout.steps
     start = Dynamics(board, links).start(start_states(board)).shown
@@ -260,7 +262,7 @@ def judge_rollout(
 
 
 def _cause(
-    rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray, differing: set[int]
+    rollout: Episode, decisions: Sequence[Decision], relation: Relation, edges: np.ndarray | None, differing: set[int]
 ) -> Cause:
     """Why a responder is not in its goal state; the first of the reasons that applies."""
     responder, steps = relation.responder, rollout.steps
@@ -269,7 +271,7 @@ def _cause(
     on_link = [(step.acted_object, step.acted_link) in links for step in steps]
     if any(on and step.success for on, step in zip(on_link, steps, strict=True)):
         return "not noticed" if looks_reached else "wrong prediction"
-    if not all(edges[trigger.object, responder] for trigger in relation.triggers):
+    if edges is not None and not all(edges[trigger.object, responder] for trigger in relation.triggers):
         return "wrong relation"
     if any(one and step.success for one, step in zip(meant, steps, strict=True)):
         return "wrong prediction"

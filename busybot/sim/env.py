@@ -83,7 +83,8 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
     `assets`: `procedural` or a folder of objects; `boards`: how boards are drawn (`BoardConfig`, its `seed` and number
     of boards are ignored); `render`, `interaction`: see their classes; `max_steps`. Each configuration may be a plain
     dictionary, as `boards={"split": "novel-object"}`. `reset(options={"board": spec})`
-    plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of the seed. The
+    plays a given board, otherwise the seed draws one; `reset(options={"index": i})` takes board i of
+    the last seed that was given, or of 0. The
     spaces are those of the boards that are drawn: a given one that is larger, or seen from farther away, is refused.
 
     ## Versions
@@ -109,6 +110,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         self._library = assets if isinstance(assets, Library) else find(assets)
         self._simulator: Simulator | None = None
         self._scene: BoardScene | None = None
+        self._given_seed: int | None = None
         scene, shape = SCENES.get(self._boards.world), (self._view.height, self._view.width)
         width, height = scene.size if scene else BoardSpec.model_fields["size"].default
         far = max(self._view.far, SIGHT * scene.distance) if scene else self._view.far
@@ -132,6 +134,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         if given is not None:
             self._check_fits(given)
         super().reset(seed=seed)
+        self._given_seed = self._given_seed if seed is None else seed
         board = self._draw(index) if given is None else given
         if self._simulator is None:
             self._simulator = Simulator(self._library, self._view)
@@ -218,9 +221,10 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         raise BusybotError(f"{told}; this environment's spaces are for {held}", f"make the environment with {hint}")
 
     def _draw(self, index: int | None) -> BoardSpec:
-        """One board, drawn from the environment's seed."""
+        """One board, drawn from the environment's seed; of a given number, from the last seed that was given, or 0."""
         number = int(self.np_random.integers(2**31)) if index is None else index
-        rng = generator(self._np_random_seed or 0, self._boards.split, number, "env")
+        drawn = self._given_seed if index is not None else self._np_random_seed
+        rng = generator(drawn or 0, self._boards.split, number, "env")
         seed = int(rng.integers(2**62))
         # the first board of a real board's or a scene's group always has the same relations
         size = self._boards.group_size if self._boards.world in BUILT else 1

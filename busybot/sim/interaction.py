@@ -30,7 +30,7 @@ import numpy as np
 import sapien
 from pydantic import Field
 
-from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.boards.directions import DIRECTIONS, OPPOSITE, annotated_directions
 from busybot.common.frozen_model import FrozenModel
 from busybot.episodes.episode import Image, Step
 from busybot.sim.scene.board_scene import BoardScene
@@ -180,10 +180,10 @@ def _execute(
 
 def permitted(scene: BoardScene, number: int, direction: int, config: InteractionConfig) -> bool:
     """Strict mode's veto: whether a direction is near enough to one that the object's annotation calls effective."""
-    annotated = np.array(scene.models[scene.triggers[number].object].directions, float).reshape(-1, 3)
+    index = scene.triggers[number].object
+    annotated = annotated_directions(scene.models[index].directions, scene.spec.objects[index].yaw)
     if not len(annotated):
         return False
-    annotated /= np.linalg.norm(annotated, axis=1, keepdims=True)
     return bool((annotated @ DIRECTIONS[direction]).max() > np.cos(np.deg2rad(config.strict_angle_deg)))
 
 

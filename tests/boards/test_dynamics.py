@@ -13,6 +13,7 @@ from tests.boards.worlds_by_hand import board, body, dynamics, link, links, lock
 
 KNOB = LinkRef(object=0, link="knob")
 FOLLOWS = relation("one-to-one", 2, [link(0)], (0, 1))
+THREE = relation("gate", 2, [link(0), link(1)], (0, 0, 0, 2), function="and")
 
 
 def random_walk(sizes: tuple[int, ...], steps: int, seed: int = 0) -> list[tuple[int, ...]]:
@@ -161,6 +162,7 @@ def test_a_goal_shows_what_it_says() -> None:
         ({"relations": [relation("one-to-one", 2, [body(1)], (0, 1))]}, "'body' of object 1"),
         ({"relations": [FOLLOWS, relation("toggle", 2, [link(1)], (0, 1))]}, "two relations for one responder"),
         ({"relations": [FOLLOWS], "rewirings": [rewiring(20, relation("toggle", 3, [link(1)], (0, 1)))]}, "rewiring"),
+        ({"relations": [FOLLOWS], "rewirings": [rewiring(20, THREE)]}, "makes it multi-stage, and it is built single"),
         ({"relations": [FOLLOWS.model_copy(update={"states": (0, 2)})]}, "has no state 2"),
         ({"relations": [FOLLOWS], "magnets": [1]}, "'magnets', unknown here"),
         ({"states": (0, 2)}, r"object 1 \(Switch/s1\): states \[2\] for trigger links with \[2\] of them"),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from busybot.boards.directions import DIRECTIONS
+from busybot.boards.directions import DIRECTIONS, annotated_directions
 from busybot.episodes.episode import Episode, Step
 from busybot.interact.evaluate import judge_episode, off_axis
 from tests.episodes.synthetic import DELTA, make_episode
@@ -34,7 +34,9 @@ def direction(*vector: float) -> int:
 def test_more_than_thirty_degrees_from_every_annotated_direction_is_off_the_axis(
     executed: tuple[float, ...], annotated: list[list[float]], off: bool
 ) -> None:
-    assert off_axis(direction(*executed), annotated) is off
+    assert off_axis(direction(*executed), annotated_directions(annotated, 0)) is off
+    quarter = annotated_directions(annotated, np.pi / 2)
+    assert off_axis(direction(-executed[1], executed[0], executed[2]), quarter) is off, "of an object that is turned"
 
 
 def acting_on(episode: Episode, step: Step, code: int) -> Episode:
@@ -61,6 +63,8 @@ def test_what_the_chosen_pixel_showed_is_told_apart() -> None:
 
 def test_a_success_counts_for_its_link_and_has_an_axis() -> None:
     episode = make_episode(0)
+    straight = tuple(one.model_copy(update={"yaw": 0.0}) for one in episode.board.objects)
+    episode = replace(episode, board=episode.board.model_copy(update={"objects": straight}))
     moved = next(step for step in episode.steps if step.success)
     number = [0, 3].index(moved.acted_object)
     for executed, off in ((direction(1, 0, 0), False), (direction(0, 1, 0), True)):

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from pydantic import ValidationError
@@ -22,13 +22,14 @@ from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode, Image, Observation, Step
 from busybot.episodes.mcap.reader import read_episode
 from busybot.evaluation.folder import BOARDS, RESULT
-from busybot.interact.policy.policy_factory import load_once
+from busybot.interact.policy.policy_factory import DEFAULT_MODEL, fingerprint, load_once
 from busybot.objects.resolve import find
 from busybot.plan.agents import registry
 from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
-from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, unmoved_links
+from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, trained_elsewhere, unmoved_links
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
+from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, PolicyNetworkConfig
 from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner, check_settings
 from busybot.reason.models.base import Reasoner
 from busybot.reason.models.lookup import Lookup, Persistence
@@ -40,6 +41,7 @@ from busybot.sim.recorder import record_episode
 from busybot.sim.scene.appearance import Randomise
 from busybot.sim.scene.board_scene import BoardScene, Simulator
 from busybot.sim.scene.render import RenderConfig
+from busybot.training.checkpoint import save_model
 from tests.reach import reachable
 
 AGENTS = ["search", "noop", "oracle"]
@@ -266,6 +268,16 @@ def test_a_missing_relation_is_told(simulator: Simulator, task: PreparedTask) ->
     assert {one.cause for one in judged.responders if not one.reached} == {"wrong relation"}
 
 
+@pytest.mark.parametrize("agent", ["noop", "predictive"])
+def test_who_reads_no_graph_does_not_fail_for_what_it_lacks(
+    simulator: Simulator, task: PreparedTask, agent: str
+) -> None:
+    blind = RolloutRunner(simulator, Persistence(), load_once(MODEL))
+    judged = blind.play(blind.prepare(task.history), agent).judged
+    causes = {one.cause for one in judged.responders if not one.reached}
+    assert causes and "wrong relation" not in causes
+
+
 def test_an_agent_that_was_told_the_relations_misses_none(
     simulator: Simulator, task: PreparedTask, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,3 +285,16 @@ def test_an_agent_that_was_told_the_relations_misses_none(
     blind = RolloutRunner(simulator, Persistence(), load_once(MODEL))
     judged = blind.play(blind.prepare(task.history), "idle").judged
     assert {one.cause for one in judged.responders if not one.reached} == {"not tried"}
+
+
+def test_an_agent_that_learned_among_other_candidates_is_told_of(tmp_path: Path) -> None:
+    here = fingerprint(DEFAULT_MODEL)
+    for name, known in (("same", here), ("other", here | {"name": "mine", "sha256": {"x": "0" * 64}}), ("old", None)):
+        told = {} if known is None else {"model": known}
+        card = PolicyInfo(agent="bc", encoder="embedded", net=PolicyNetworkConfig(), training=told)
+        save_model(tmp_path / name, card, PolicyNetwork(card.net).state_dict())
+        agents = ("noop", f"bc={tmp_path / name}")
+        evaluation = PlanEvaluation(cast(Any, None), cast(Any, None), agents, "lookup", DEFAULT_MODEL)
+        found = trained_elsewhere(evaluation)
+        assert len(found) == (name == "other"), name
+    assert not trained_elsewhere(replace(evaluation, agents=("noop",)))

@@ -101,6 +101,12 @@ def test_boards_can_be_given_or_numbered(env: BusyBoardEnv) -> None:
     _, info = env.reset(seed=3, options={"index": 4})
     assert env.reset(seed=3, options={"index": 4})[1]["board"] == info["board"]
     assert env.reset(seed=9, options={"board": info["board"]})[1]["board"] == info["board"]
+    fresh = BusyBoardEnv(render=SMALL)
+    first = fresh.reset(options={"index": 4})[1]["board"]
+    fresh.reset()
+    assert fresh.reset(options={"index": 4})[1]["board"] == first != info["board"], "whatever was played before"
+    assert fresh.reset(seed=0, options={"index": 4})[1]["board"] == first
+    fresh.close()
 
 
 def test_a_given_board_that_leaves_the_spaces_is_refused(env: BusyBoardEnv) -> None:

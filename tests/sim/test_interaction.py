@@ -15,6 +15,7 @@ from busybot.sim.interaction import InteractionConfig, changed_pixels, interact,
 from busybot.sim.policy import oracle_observation
 from busybot.sim.recorder import grasp_at
 from busybot.sim.scene.board_scene import BoardScene, Simulator
+from busybot.sim.scene.render import RenderConfig
 from busybot.sim.thumbnails import lone_board
 from tests.objects.raw_objects import box_link, library_of
 
@@ -148,6 +149,37 @@ def test_strict_mode_vetoes_what_is_off_the_annotation(procedural_simulator: Sim
                 vetoes += step.vetoed
                 executions += not step.vetoed
     assert vetoes and executions
+
+
+@pytest.mark.parametrize("links", [{"lever": "two-state"}, {"carriage": "two-state"}])
+def test_what_moves_with_a_link_is_held_as_that_link(tmp_path: Path, links: dict[str, str]) -> None:
+    """A knob that is fixed to it, or a lever that turns on it and is nobody's trigger."""
+    knob = box_link("knob", "0.2 0.2 0.1"), '<joint name="fixed" type="fixed"><parent link="lever"/>{}</joint>'
+    fixed = knob[1].format('<child link="knob"/><origin xyz="0 0 0.45"/>')
+    urdf = "".join((*CARRIAGE, knob[0], fixed))
+    library = library_of(tmp_path, urdf, category="Switch", links=links, orientation=(0, 0, 0, 1))
+    scene = Simulator(library, RenderConfig(width=160, height=120)).board(lone_board(library.get("Switch/thing")))
+    image, rays = scene.observe(), Rays(scene.camera)
+    assert image.depth is not None and image.segmentation is not None
+    row, column = np.unravel_index(np.nan_to_num(rays.heights(image.depth), nan=-1).argmax(), image.depth.shape)
+    assert scene.trigger_at(int(image.segmentation[row, column])) == 0
+    codes = dict(zip((link.name for link in scene.links), range(1, 3), strict=True))
+    base = image.segmentation == codes["body"]
+    assert base.any() and not base[row, column], "what does not move is no part of it"
+
+
+@pytest.mark.parametrize("key", ["Switch/slider-01", "Switch/toggle-01"])
+def test_annotated_directions_turn_with_their_object(procedural_simulator: Simulator, key: str) -> None:
+    board = lone_board(procedural_simulator.library.get(key))
+    strict = InteractionConfig(strict=True)
+    for yaw in (0.0, np.pi / 2):
+        turned = board.model_copy(update={"objects": (board.objects[0].model_copy(update={"yaw": yaw}),)})
+        scene = procedural_simulator.board(turned)
+        joint = scene.triggers[0]
+        point = np.array(joint.body.entity.pose.p) + [0, 0, 0.05]
+        ends = [pull(scene, 0, point, direction, InteractionConfig(), None)[1] for direction in DIRECTIONS]
+        allowed = [permitted(scene, 0, direction, strict) for direction in range(18)]
+        assert any(end != joint.state and may for end, may in zip(ends, allowed, strict=True)), yaw
 
 
 @pytest.mark.long

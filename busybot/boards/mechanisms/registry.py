@@ -2,6 +2,7 @@
 group `busybot.mechanisms` (docs/extending/mechanism.md).
 """
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -17,7 +18,7 @@ from busybot.boards.mechanisms.latch import Latch
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.mechanisms.timer import Timer
 from busybot.boards.mechanisms.toggle import Toggle
-from busybot.boards.spec import Relation
+from busybot.boards.spec import KIND_PATTERN, Relation
 from busybot.common import plugins
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
@@ -79,6 +80,11 @@ def _brought(name: str, known: Mapping[str, type[Mechanism]]) -> type[Mechanism]
     found, where = plugins.load("mechanisms", name), plugins.where("mechanisms", name)
     if not (isinstance(found, type) and issubclass(found, Mechanism)):
         raise BusybotError(f"{where} is no Mechanism", "derive its class from busybot.boards.mechanisms.base")
+    kind, arity = getattr(found, "kind", None), found.arity
+    if not (isinstance(kind, str) and re.fullmatch(KIND_PATTERN, kind)):
+        raise BusybotError(f"{where} names its kind {kind!r}", "name it by lower-case letters, digits and hyphens")
+    if not 0 <= arity[0] <= arity[1]:
+        raise BusybotError(f"{where} has from {arity[0]} to {arity[1]} inputs", "give the least number, then the most")
     if known.get(found.kind, found) is not found:
         raise BusybotError(f"{where} brings a kind {found.kind!r}, which is there already", "rename it")
     return found

@@ -115,8 +115,12 @@ def reason(
     from busybot.reason.models.registry import config_class, usual_reasoner
 
     target = Dataset.open(dataset)
+    if graph is not None and (reasoner or config or set_):
+        raise UsageError(
+            "--graph judges graphs that are there, and no model", "leave --reasoner, --config and --set out"
+        )
     names, files = reasoner or [usual_reasoner(target)], out or []
-    _check_several(names, files, figure, graph, graphs)
+    _check_several(names, files, figure, graphs)
     for file in files:
         check_file("--out", file, "reason.json")
     check_file("--figure", figure, "reason.png")
@@ -170,9 +174,7 @@ def _warn_of(dataset: "Dataset", results: dict[str, dict[str, Any]]) -> None:
         warn(f"no recorded action moved anything, so nothing shows what controls what; {again}")
 
 
-def _check_several(
-    names: list[str], files: list[Path], figure: Path | None, graph: Path | None, graphs: Path | None
-) -> None:
+def _check_several(names: list[str], files: list[Path], figure: Path | None, graphs: Path | None) -> None:
     """Refuse what would be said of one reasoner, and not of several."""
     if files and len(files) != len(names):
         what = (
@@ -181,7 +183,7 @@ def _check_several(
         raise UsageError(what, "give one --out for each --reasoner, in the same order")
     if len(set(files)) < len(files):
         raise UsageError("--out names a file twice", "give each --reasoner a file of its own")
-    for option, value in (("--figure", figure), ("--graph", graph), ("--graphs", graphs)):
+    for option, value in (("--figure", figure), ("--graphs", graphs)):
         if len(names) > 1 and value is not None:
             raise UsageError(f"{option} is about one reasoner, {len(names)} are named", "judge them one by one")
 
@@ -331,7 +333,7 @@ def plan(
     from busybot.datasets.bundled_assets import library_of
     from busybot.datasets.dataset import Dataset
     from busybot.interact.policy.policy_factory import DEFAULT_MODEL
-    from busybot.plan.evaluate import PlanEvaluation, evaluate_agents
+    from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, trained_elsewhere
     from busybot.plan.rollout import PlanConfig
     from busybot.reason.models.registry import usual_reasoner
 
@@ -342,6 +344,8 @@ def plan(
         library, proposer = library_of(target, assets), policy_model or DEFAULT_MODEL
         reasoner = reasoner or usual_reasoner(target)
         evaluation = PlanEvaluation(target, library, names, reasoner, proposer, parameters, seed, record)
+        for sentence in trained_elsewhere(evaluation):
+            say(sentence)
         result = evaluate_agents(evaluation, processes(workers), progress, out)
     given = {"agents": agents, "reasoner": reasoner, "policy-model": policy_model, "seed": seed, "boards": boards}
     result["command"] = _command_again("plan", dataset, set_, config, **given)

@@ -16,7 +16,7 @@ A.1 "Training detail"). What the paper leaves open, and what is chosen here:
 docs/reference/departures.md has all of them, with what the authors' program does.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -137,6 +137,13 @@ class RecordConfig(FrozenModel):
     group_size: Annotated[int, Field(ge=1, le=10_000)] = 1
     uniform: bool = False
     images: Literal["jpeg", "png"] = "jpeg"
+
+    @model_validator(mode="after")
+    def _one_camera(self) -> Self:
+        drawn = self.render.randomise
+        if drawn.pose or drawn.fov:  # it is told only once there are recordings, which take long
+            raise ValueError("render.randomise.pose and fov draw a camera for each board, and the networks know of one")
+        return self
 
 
 class Round(FrozenModel):

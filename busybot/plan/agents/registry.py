@@ -91,11 +91,14 @@ class AgentSpec:
     Attributes:
         make: None for the oracle, which is made of the truth.
         relations, contacts: whether it is told the true ones.
+        graph: whether it reads the reasoner's graph, so that a relation which that lacks may be why it fails. Of agents
+            that packages bring it is taken for true.
     """
 
     make: MakeAgent | None
     relations: bool = False
     contacts: bool = False
+    graph: bool = True
 
     @property
     def oracle(self) -> bool:
@@ -104,17 +107,17 @@ class AgentSpec:
 
 
 AGENTS: dict[str, AgentSpec] = {
-    "noop": AgentSpec(lambda _: NoopAgent()),
-    "random": AgentSpec(lambda _: RandomAgent()),
+    "noop": AgentSpec(lambda _: NoopAgent(), graph=False),
+    "random": AgentSpec(lambda _: RandomAgent(), graph=False),
     "relation": AgentSpec(RelationAgent),
-    "predictive": AgentSpec(PredictiveAgent),
+    "predictive": AgentSpec(PredictiveAgent, graph=False),
     "busybot": AgentSpec(BusyBotAgent),
     "search": AgentSpec(SearchAgent),
-    "mechanism": AgentSpec(MechanismAgent),
+    "mechanism": AgentSpec(MechanismAgent, graph=False),
     "search-true-relations": AgentSpec(SearchAgent, relations=True),
     "search-true-contacts": AgentSpec(SearchAgent, contacts=True),
     "search-true-both": AgentSpec(SearchAgent, relations=True, contacts=True),
-    "oracle": AgentSpec(None, contacts=True),
+    "oracle": AgentSpec(None, contacts=True, graph=False),
 }
 """The rows of Table 3 and those that attribute failures; trained agents are named with their models (`kind_of`)."""
 TRAINED: tuple[Name, ...] = get_args(Name)
@@ -137,7 +140,7 @@ def kind_of(agent: str) -> AgentSpec:
             what = f"agent {name} plays a trained policy, none was named"
             raise UsageError(what, f"--agents {name}=DIR; `busybot train {name} --out DIR` makes one")
         load_policy(model, trained)
-        return AgentSpec(partial(learned, trained, model))
+        return AgentSpec(partial(learned, trained, model), graph=False)
     brought = plugins.names("agents")
     if name in brought and name not in AGENTS and not given:
         return AgentSpec(partial(plugins.make, "agents", name))

@@ -1,8 +1,8 @@
 """Constants of the learned agents' trainings."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, model_validator
 
 from busybot.common.frozen_model import FrozenModel
 from busybot.plan.learning.explore import BoardGraphConfig
@@ -87,3 +87,10 @@ class PpoConfig(_Common):
     entropy: NonNegativeFloat = 0.02
     value: NonNegativeFloat = 0.5
     loop: LoopConfig = LoopConfig(report=5, judge=10, patience=0)
+
+    @model_validator(mode="after")
+    def _no_batch_of_one(self) -> Self:
+        if self.envs * self.steps % self.batch == 1:  # advantages are normalised in each batch
+            what = f"envs * steps = {self.envs * self.steps} leaves a last batch of one step, which has no spread"
+            raise ValueError(f"{what}; choose another batch than {self.batch}")
+        return self

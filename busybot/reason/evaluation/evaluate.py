@@ -404,12 +404,16 @@ def _result(
         **stamp("reason", hashes={"models": models, "data": _hashes_of(sets)}),
         **_summarised(judged, judging, seed),
         "images_used": 1 + max(one.steps for one in judged),
-        "config": (judging.config or config_class(judging.model)()).model_dump(mode="json"),
+        "config": {} if judging.given is not None else _config_of(judging).model_dump(mode="json"),
         "encoder": _encoder_of(judging),
         "dataset": sets[0],
         "trained_on_dataset": _trained_on(judging, sets[0]),
         "decoders": sets[1] if len(sets) > 1 else None,
     }
+
+
+def _config_of(judging: ReasonEvaluation) -> BaseModel:
+    return judging.config or config_class(judging.model)()
 
 
 def _encoder_of(judging: ReasonEvaluation) -> str | None:

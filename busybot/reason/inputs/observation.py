@@ -150,7 +150,8 @@ def observe_episode(episode: Episode, again: bool = False) -> ObservedEpisode:
 
 
 def world_of(board: BoardSpec) -> str:
-    """In which world a board was drawn, as whoever acts on it is told; "" of what was imported, which nobody drew."""
+    """In which world a board was drawn, as who reads a recording is told, and agents that plan; who is curious chooses
+    without (`plan.curious`). "" of what was imported, which nobody drew."""
     drawn = board.relations_known and board.split != IMPORTED
     return board.world if drawn else ""
 

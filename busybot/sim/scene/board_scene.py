@@ -127,11 +127,13 @@ class BoardScene:
             if placed.role == "responder":
                 painted = simulator.render is not None
                 self.responders[index] = make_responder(index, model, stages.get(index), articulation, painted)
+            own: dict[int, int] = {}
             for joint in make_triggers(index, model, placed.states, articulation):
                 self.triggers.append(joint)
                 links.append(Link(index, joint.link.name, True))
-                codes[joint.body.entity.per_scene_id] = len(links)
+                own[joint.body.entity.per_scene_id] = len(links)
                 self._trigger_of_link[len(links)] = len(self.triggers) - 1
+            codes |= _with_what_they_carry(articulation, own)
         self.links = tuple(links)
         self._codes = np.zeros(max(codes, default=0) + 2, np.uint16)
         self._codes[list(codes)] = list(codes.values())
@@ -279,6 +281,19 @@ class BoardScene:
             if len(columns):
                 boxes[index] = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
         return boxes
+
+
+def _with_what_they_carry(articulation: Any, codes: dict[int, int]) -> dict[int, int]:
+    """Codes of links by entity, and the same of links that move with them and have none of their own, as a knob that is
+    fixed to a lever: who holds it holds that."""
+    found = {}
+    for link in articulation.links:
+        above = link
+        while above is not None and above.entity.per_scene_id not in codes:
+            above = above.parent
+        if above is not None:
+            found[link.entity.per_scene_id] = codes[above.entity.per_scene_id]
+    return found
 
 
 def _stages(spec: BoardSpec) -> dict[int, str]:

@@ -29,4 +29,48 @@ class Taken(Echo):
     kind: ClassVar[str] = "toggle"
 
 
+class Late(Echo):
+    """The same, but begins with nothing to remember."""
+
+    kind: ClassVar[str] = "late"
+
+    def start(self, inputs: Inputs) -> tuple[int, Memory]:
+        return self.shown(inputs), ()
+
+    def step(self, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        return self.shown(memory or inputs), inputs
+
+
+class Beyond(Echo):
+    """Shows, once it is moved, what no responder has."""
+
+    kind: ClassVar[str] = "beyond"
+
+    def step(self, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        return (0 if inputs == memory else -1), inputs
+
+
+class Misnamed(Echo):
+    """Has a name that no board can write down."""
+
+    kind: ClassVar[str] = "in_order"
+
+
+class Many(Echo):
+    """Has more inputs than are ever drawn."""
+
+    kind: ClassVar[str] = "many"
+    arity: ClassVar[tuple[int, int]] = (4, 4)
+
+
+class Never(Echo):
+    """Draws none of itself."""
+
+    kind: ClassVar[str] = "never"
+
+    @classmethod
+    def draw(cls, sizes: tuple[int, ...], stages: int, novel: bool, rng: np.random.Generator) -> Self | None:
+        return None
+
+
 NOTHING = 3

@@ -12,6 +12,7 @@ from busybot.boards.mechanisms import Mechanism, available, kind_named, mechanis
 from busybot.boards.spec import LinkRef, Relation
 from busybot.boards.worlds import world_named
 from busybot.common.errors import BusybotError
+from tests.boards.worlds_by_hand import dynamics, link, relation
 
 OWN = {
     "rest",
@@ -108,6 +109,7 @@ def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None
         ("tests.boards.mechanisms.strange:Taken", "'toggle', which is there already"),
         ("tests.boards.mechanisms.strange:Absent", "cannot be loaded"),
         ("tests.boards.mechanisms.no_such_module:Echo", "cannot be loaded"),
+        ("tests.boards.mechanisms.strange:Misnamed", "names its kind 'in_order'"),
     ],
 )
 def test_packages_that_bring_something_else_are_named(registered: list[EntryPoint], value: str, message: str) -> None:
@@ -117,6 +119,34 @@ def test_packages_that_bring_something_else_are_named(registered: list[EntryPoin
     assert value in error.value.what and error.value.hint
     with pytest.warns(UserWarning, match=f"{value}.*{message}.*left out"):
         assert set(available()) == OWN
+
+
+def test_a_kind_that_shows_what_no_responder_has_is_named(registered: list[EntryPoint]) -> None:
+    """When it shows it: a recording would take -1 for a trigger."""
+    registered.append(EntryPoint("beyond", "tests.boards.mechanisms.strange:Beyond", "busybot.mechanisms"))
+    law = dynamics([relation("beyond", 2, [link(0)], (0, 1))])
+    state = law.step((0, 0), law.start((0, 0)))
+    with pytest.raises(BusybotError, match=r"responder 2: its mechanism, of the kind 'beyond', shows state -1 of 2"):
+        law.step((1, 0), state)
+
+
+def test_a_kind_may_begin_with_nothing_to_remember(registered: list[EntryPoint]) -> None:
+    registered.append(EntryPoint("late", "tests.boards.mechanisms.strange:Late", "busybot.mechanisms"))
+    law = dynamics([relation("late", 2, [link(0)], (0, 1))])
+    assert law.remembers and law.start((0, 0)).flat == ()
+    assert [one.shown[2] for one in law.run([(0, 0), (0, 0), (1, 0), (1, 0)])] == [0, 0, 0, 1]
+    assert not dynamics([relation("gate", 2, [link(0), link(1)], (0, 0, 0, 1), function="and")]).remembers
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("many", "'many' has at least 4 inputs, and of drawn ones none has more than 3"), ("never", "draws none")],
+)
+def test_a_kind_of_which_no_board_is_drawn_is_told_why(registered: list[EntryPoint], name: str, message: str) -> None:
+    registered.append(EntryPoint(name, f"tests.boards.mechanisms.strange:{name.title()}", "busybot.mechanisms"))
+    for novel in (False, True):
+        with pytest.raises(BusybotError, match=message):
+            world_named(name, novel)
 
 
 def test_what_ails_a_package_concerns_no_other_name(registered: list[EntryPoint]) -> None:

@@ -86,6 +86,9 @@ def test_parameters_can_be_set(dataset: Path) -> None:
         (("--reasoner", "count", "--reasoner", "pc", "--out", "one.json"), 2, "one --out for each --reasoner"),
         (("--reasoner", "count", "--reasoner", "pc", "--graphs", "folder"), 2, "--graphs is about one reasoner"),
         (("--reasoner", "count", "--reasoner", "pc", "--out", "a.json", "--out", "a.json"), 2, "names a file twice"),
+        (("--graph", "graphs", "--reasoner", "count"), 2, "--graph judges graphs that are there"),
+        (("--graph", "graphs", "--set", "claimed=0.9"), 2, "leave --reasoner, --config and --set out"),
+        (("--reasoner", "count", "--out", "s3://bucket/r.json"), 2, "an address, and this is a path"),
     ],
 )
 def test_what_cannot_be_is_refused(dataset: Path, arguments: tuple[str, ...], code: int, message: str) -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
-from busybot.interact.training.config import PaperConfig
+from busybot.interact.training.config import PaperConfig, RecordConfig, TrainConfig
 
 PAPER = PaperConfig()
 
@@ -64,3 +64,11 @@ def test_some_values_of_a_network_can_be_set() -> None:
     for setting, word in (("joint_epochs=50", "must not fall"), ("position.batch=5", "multiple of 2")):
         with pytest.raises(BusybotError, match=word):
             build(PaperConfig, None, [setting], {})
+
+
+@pytest.mark.parametrize("config", [PaperConfig, TrainConfig])
+@pytest.mark.parametrize("drawn", ["pose", "fov"])
+def test_a_camera_for_each_board_is_refused_before_anything_is_recorded(config: type[RecordConfig], drawn: str) -> None:
+    with pytest.raises(BusybotError, match="networks know of one"):
+        build(config, None, [f"render.randomise.{drawn}=0.3"], {})
+    assert build(config, None, ["render.randomise.lights=0.3"], {}).render.randomise.lights == 0.3

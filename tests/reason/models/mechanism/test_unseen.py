@@ -118,7 +118,8 @@ def test_worlds_may_weigh_facts_in_their_own_way() -> None:
         boards.append((Pairs(torch.zeros(1, 1, 3), facts, torch.tensor([1])), world))
         true.append(rng.random((1, 1, 3)) < np.where(held == (world == 1), 0.8, 0.1))
     alike, apart = (kind(2).learn(boards, true) for kind in (UnseenAlike, UnseenByWorld))
-    assert alike > 0.6 and apart == pytest.approx((entropy(0.8) + entropy(0.1)) / 2, abs=0.03)
+    best = (entropy(0.8) + entropy(0.1)) / 2
+    assert alike > 0.6 and best < apart < best + 0.12, "as far as its boards tell that it differs"
 
 
 def test_the_truth_tells_which_triggers_decide_whatever_the_link() -> None:

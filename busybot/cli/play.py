@@ -8,6 +8,7 @@ import typer
 
 from busybot.cli.common import console, counted, episode_progress, print_json, processes, tell, warn
 from busybot.cli.options import AssetsOption, JsonOption, SeedOption, WorkersOption
+from busybot.common.text import one_line
 
 MOST_NOTES = 5
 
@@ -83,7 +84,10 @@ def _show(result: dict[str, Any]) -> None:
     )
     tell("boards ended: " + ", ".join(f"{end} {count}" for end, count in result["ends"].items()))
     for row in [row for row in result["cause_boards"] if row["end"] != "knows"][:MOST_NOTES]:
-        tell(f"board {row['board']}: {row['end']}" + (f": {row['note']}" if row["note"] else ""))
+        tell(f"board {row['board']}: {row['end']}" + (f": {one_line(row['note'])}" if row["note"] else ""))
+    if result["agent_changed"]:
+        names = one_line(", ".join(result["agent_changed"]))
+        tell(f"changed since the evaluation began, not counted as the agent: {names}")
 
 
 def _percent(share: float | None) -> str:

@@ -1,7 +1,8 @@
 """A child process that is asked and answers by lines, within limits of time and size, and believed in nothing.
 
-It is started without a shell, in a process group of its own, and killed with it. It is not shut in: it may do what the
-user may do.
+It is started without a shell, in a process group of its own, and killed with it. Should this process be killed first,
+as workers are after Ctrl-C, a watcher does so: often the program is what another one started (`sh run.sh`, `uv run`),
+and of that the system knows nothing. It is not shut in: it may do what the user may do.
 """
 
 import json
@@ -15,7 +16,7 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
-from typing import Any, Literal
+from typing import IO, Any, Literal
 
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import end_with
@@ -29,6 +30,10 @@ KEPT = 2000
 """Bytes of its standard error that are kept, the last ones."""
 TOLD = 300
 """Characters of it that are told."""
+END_SECONDS = 3.0
+"""A program that may not be killed is waited for so long."""
+WATCHER = ("/bin/sh", "-c", 'read -r group && { read -r _; kill -s KILL -- "-$group"; }')
+"""Is told a process group, and kills it when its input ends: when who told it has ended, in whatever way."""
 
 Reason = Literal["timeout", "died", "line too long"]
 
@@ -41,23 +46,22 @@ class NoAnswerError(Exception):
 
 
 class Child:
-    """A program that is asked by lines, within limits; `close` kills it with its process group."""
+    """A program that is asked by lines, within limits; `close` kills it with its process group, and so does the end of
+    this process."""
 
     def __init__(self, words: Sequence[str], timeout_s: float, most_line: int = MOST_LINE):
         self._most_line = most_line
         self._timeout_s, self._unsent, self._came, self._said, self._ended = timeout_s, b"", b"", b"", False
-        # no shell, and a process group of its own; if this process is killed, the child is as well
-        self._process = subprocess.Popen(
-            list(words),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            bufsize=0,
-            start_new_session=True,
-            preexec_fn=partial(end_with, os.getpid()),
-        )
+        self._watcher = _watcher()
+        try:
+            self._process = _started(words)
+        except OSError:
+            _end(self._watcher)
+            raise
         process = self._process
-        assert process.stdin and process.stdout and process.stderr
+        assert process.stdin and process.stdout and process.stderr and self._watcher.stdin
+        with suppress(BrokenPipeError):  # somebody ended the watcher alone
+            self._watcher.stdin.write(b"%d\n" % process.pid)
         self._stdin, self._stdout = process.stdin.fileno(), process.stdout.fileno()
         self._stderr = process.stderr.fileno()
         self._selector = selectors.DefaultSelector()
@@ -110,17 +114,55 @@ class Child:
             self._selector.unregister(descriptor)
 
     def close(self) -> str:
-        """End it; returns the end of what it wrote to standard error, plain text."""
+        """End it; returns the end of what it wrote to standard error, plain text.
+
+        A program of another user, as `sudo` starts one, may not be killed. It hears that nobody asks any more, has
+        `END_SECONDS` to end, and is left alone then.
+        """
+        process = self._process
         with suppress(ProcessLookupError, PermissionError):  # it was not waited for: the number is still its own
-            os.killpg(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+            os.killpg(process.pid, signal.SIGKILL)
+        _end(self._watcher)
+        self._selector.close()
+        _close(process.stdin, process.stdout)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(END_SECONDS)
         with suppress(OSError):
             self._said = (self._said + os.read(self._stderr, READ))[-KEPT:]
-        self._selector.close()
-        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            if stream is not None:
-                stream.close()
+        _close(process.stderr)
         return plain(self._said.decode(errors="replace").strip())[-TOLD:]
+
+
+def _started(words: Sequence[str]) -> subprocess.Popen[bytes]:
+    """The program: no shell, and a process group of its own; if this process is killed, so is what was started here."""
+    return subprocess.Popen(
+        list(words),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        bufsize=0,
+        start_new_session=True,
+        preexec_fn=partial(end_with, os.getpid()),
+    )
+
+
+def _watcher() -> subprocess.Popen[bytes]:
+    """In a session of its own, which the terminal's Ctrl-C does not reach. Its input is open in this process alone."""
+    null = subprocess.DEVNULL
+    return subprocess.Popen(WATCHER, stdin=subprocess.PIPE, stdout=null, stderr=null, bufsize=0, start_new_session=True)
+
+
+def _end(watcher: subprocess.Popen[bytes]) -> None:
+    """Killed before its input ends: it kills nobody."""
+    watcher.kill()
+    watcher.wait()
+    _close(watcher.stdin)
+
+
+def _close(*streams: IO[bytes] | None) -> None:
+    for stream in streams:
+        if stream is not None:
+            stream.close()
 
 
 def command_words(command: str) -> tuple[str, ...]:

@@ -8,11 +8,12 @@ A recording does not tell how many states a link has, which mechanisms depend on
 the board's mechanisms do what was recorded.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from math import prod
 from typing import Literal
 
 import numpy as np
@@ -28,10 +29,14 @@ from busybot.episodes.episode import Episode
 from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names
 
 Kind = Literal["mechanism", "chance", "clock", "lock"]
+Name = tuple[int, str]
+"""Object and name of a trigger link."""
+Sizes = dict[Name, int]
+"""Number of states of links."""
 LINK_STATES = (2, 3)
 """A link has so many states."""
-MOST_LINKS = 10
-"""On boards with more, sizes are not looked for."""
+MOST_WAYS = 1024
+"""So many combinations of sizes are tried; of what has more, the law is not known."""
 LONGEST = 28
 """Letters of a label that come from a file."""
 ROW = 30.0
@@ -163,7 +168,8 @@ class MechanismView:
 
     def _factor(self, period: Period) -> Factor:
         relation, mechanism = period.relation, self._mechanism(period)
-        kind: Kind = "chance" if mechanism is not None and mechanism.draws else "mechanism"
+        known = _kind(relation) if mechanism is None else mechanism
+        kind: Kind = "chance" if known is not None and known.draws else "mechanism"
         causes = tuple(map(self.node, relation.triggers))
         key = f"{relation.responder} from {period.since}"
         return Factor(key, kind, label(relation, mechanism), causes, (self._effect(relation),))
@@ -196,6 +202,14 @@ class MechanismView:
     def changes(self) -> list[Change]:
         """What every recorded change of a responder goes back to; nothing where that is not known."""
         return [] if self.dynamics is None else changes(self.dynamics, _triggers(self.episode))
+
+    @property
+    def unexplained(self) -> str:
+        """What pictures have to leave out of a recording, in words; empty if the board's law is known."""
+        if self.dynamics is not None or not self.episode.steps or not self.board.relations:
+            return ""
+        held = ", and when locks hold links," if self.board.locks else ""
+        return f"what changes go back to{held} is not known here"
 
     def moved(self, step: int) -> list[int]:
         """Nodes of the links that the action which led to a step moved."""
@@ -244,37 +258,108 @@ def _triggers(episode: Episode) -> list[tuple[int, ...]]:
     return [steps[0].trigger_states_before, *(step.trigger_states_after for step in steps)] if steps else []
 
 
-def known_dynamics(episode: Episode) -> Dynamics | None:
-    """The board's law with the links' numbers of states that fit the recording; None if none do."""
-    names = tuple((link.object, link.name) for link in episode.links if link.trigger)
-    recorded = _triggers(episode)
-    if not names or not recorded or len(names) > MOST_LINKS:
-        return None
-    shown = [step.responder_states_after for step in episode.steps]
-    for sizes in _sizes(episode, names, recorded):
-        with suppress(BusybotError, IndexError):  # sizes, kinds or states that do not fit together
-            dynamics = Dynamics(episode.board, Links(names, sizes))
-            if [state.shown for state in dynamics.run(recorded)[1:]] == shown:
-                return dynamics
+def _kind(relation: Relation) -> type[Mechanism] | None:
+    """A relation's kind; None if nobody here knows it."""
+    with suppress(BusybotError):
+        return kind_named(relation.kind)
     return None
 
 
-def _sizes(
-    episode: Episode, names: tuple[tuple[int, str], ...], recorded: list[tuple[int, ...]]
-) -> Iterator[tuple[int, ...]]:
-    """Numbers of states that the links may have, the fewest first: more than were seen, and what tables ask for."""
-    seen = [max(max(states) + 1, LINK_STATES[0]) for states in zip(*recorded, strict=True)]
-    choices = [[size for size in LINK_STATES if size >= least] or [least] for least in seen]
+def known_dynamics(episode: Episode) -> Dynamics | None:
+    """The board's law with the links' numbers of states that fit the recording; None if none do, or none was found.
+
+    Tables and what was seen leave few links in doubt. Those that have no responder in common are tried apart.
+    """
+    names = [(link.object, link.name) for link in episode.links if link.trigger]
+    recorded = _triggers(episode)
+    if not names or not recorded or len(set(names)) < len(names):
+        return None
     relations = [period.relation for period in periods(episode.board)]
-    for sizes in sorted(product(*choices), key=sum):
-        of = dict(zip(names, sizes, strict=True))
-        if all(_fits(relation, of) for relation in relations):
-            yield sizes
+    choices = _choices(episode, names, recorded, relations)
+    groups = _groups(choices, relations)
+    if not all(choices.values()) or sum(_count(choices, own) for own in groups) > MOST_WAYS:
+        return None
+    ways = [_ways(choices, own) for own in groups]
+    if not all(ways):
+        return None
+    sizes = {name: own[0] for name, own in choices.items()}
+    for tried in ways:
+        sizes |= tried[0]
+    for own, tried in zip(groups, ways, strict=True):
+        moved = {relation.responder for relation in own}
+        sizes |= next((way for way in tried if _law(episode, sizes | way, recorded, moved)), tried[0])
+    return _law(episode, sizes, recorded, range(len(episode.board.objects)))
 
 
-def _fits(relation: Relation, sizes: dict[tuple[int, str], int]) -> bool:
+def _law(
+    episode: Episode, sizes: Sizes, recorded: Sequence[tuple[int, ...]], responders: Iterable[int]
+) -> Dynamics | None:
+    """The law with these sizes, if these responders show under it what they were recorded to show."""
+    own = list(responders)
+    with suppress(BusybotError, IndexError):  # sizes, kinds or states that do not fit together
+        dynamics = Dynamics(episode.board, Links(tuple(sizes), tuple(sizes.values())))
+        states = zip(dynamics.run(recorded)[1:], (step.responder_states_after for step in episode.steps), strict=True)
+        if all(state.shown[one] == after[one] for state, after in states for one in own):
+            return dynamics
+    return None
+
+
+def _choices(
+    episode: Episode, names: Sequence[Name], recorded: Sequence[tuple[int, ...]], relations: Sequence[Relation]
+) -> dict[Name, list[int]]:
+    """Numbers of states that each link may have, the fewest first: more than were seen, and what tables ask for."""
+    board = episode.board
+    drawn = tuple(state for placed in board.objects for state in placed.states)
+    rows = [*recorded, drawn, board.task.goal if board.task else ()]
+    choices = {}
+    for number, name in enumerate(names):
+        least = max(LINK_STATES[0], *(row[number] + 1 for row in rows if number < len(row)))
+        choices[name] = [size for size in LINK_STATES if size >= least] or [least]
+    before: list[int] = []
+    while before != (before := [len(own) for own in choices.values()]):
+        for relation in relations:
+            if _count(choices, [relation]) <= MOST_WAYS:
+                ways = _ways(choices, [relation])
+                choices |= {name: sorted({way[name] for way in ways}) for name in _inputs(choices, [relation])}
+    return choices
+
+
+def _inputs(choices: Mapping[Name, list[int]], relations: Iterable[Relation]) -> list[Name]:
+    """The links that relations read, in the board's order."""
+    read = {(one.object, one.link) for relation in relations for one in relation.triggers}
+    return [name for name in choices if name in read]
+
+
+def _count(choices: Mapping[Name, list[int]], relations: Sequence[Relation]) -> int:
+    """How many combinations of sizes the inputs of relations may have, before tables are asked."""
+    return prod(len(choices[name]) for name in _inputs(choices, relations))
+
+
+def _ways(choices: Mapping[Name, list[int]], relations: Sequence[Relation]) -> list[Sizes]:
+    """Sizes of the inputs of relations that fit all their tables, the fewest states first."""
+    names = _inputs(choices, relations)
+    ways = [dict(zip(names, sizes, strict=True)) for sizes in product(*(choices[name] for name in names))]
+    fitting = [way for way in ways if all(_fits(relation, way) for relation in relations)]
+    return sorted(fitting, key=lambda way: sum(way.values()))
+
+
+def _groups(choices: Mapping[Name, list[int]], relations: Iterable[Relation]) -> list[list[Relation]]:
+    """Relations that depend on links in doubt; those that have such a link or a responder in common are together."""
+    groups: list[tuple[set[Name], list[Relation]]] = []
+    for relation in relations:
+        read = {(one.object, one.link) for one in relation.triggers}
+        marks = {name for name in read if name[1] == BODY or len(choices.get(name, ())) > 1}
+        marks.add((relation.responder, BODY))
+        joined = [one for one in groups if one[0] & marks]
+        own = [other for _, others in joined for other in others]
+        groups = [one for one in groups if not one[0] & marks]
+        groups.append((marks.union(*(one[0] for one in joined)), [*own, relation]))
+    return [own for _, own in groups if _count(choices, own) > 1]
+
+
+def _fits(relation: Relation, sizes: Sizes) -> bool:
     """Whether the table lists as many states as inputs of these sizes ask for."""
-    kind = kind_named(relation.kind)
+    kind = _kind(relation)
     inputs = [sizes.get((one.object, one.link)) for one in relation.triggers if one.link != BODY]
     if kind is None or None in inputs or len(inputs) < len(relation.triggers):
         return True

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from busybot.boards.spec import Relation
+from busybot.boards.spec import BODY, LinkRef, Relation
 from busybot.boards.worlds import WORLDS, links_of
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import truth_matrix
 from busybot.view.mechanisms import Factor, MechanismView, harmless, mechanism_view
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode, make_real_episode
+from tests.view.world_episodes import contradicted, large_episodes
 
 Objects = Callable[[int], Path]
 
@@ -37,6 +38,40 @@ def test_the_law_of_a_board_is_known_from_its_recording(world: str, few_objects:
         assert len(view.sentences) == len(board.relations) + len(board.rewirings) + len(board.locks) + len(board.idle)
         for who, words in view.sentences:
             assert who.split()[0] in ("lamp", "door", "toy", "switch") and words
+
+
+@pytest.mark.parametrize("world", ["mixed", "time", "chance"])
+def test_the_law_of_a_board_of_many_links_is_known_too(world: str, few_objects: Objects) -> None:
+    for episode in large_episodes(few_objects(0), world, 2):
+        view = MechanismView(episode)
+        assert len(view.links) > 10 and view.dynamics is not None and not view.unexplained
+        states = [step.responder_states_after for step in episode.steps]
+        before = [episode.steps[0].responder_states_before, *states]
+        changed = {
+            (responder, step)
+            for step, (was, now) in enumerate(zip(before, states, strict=False), start=1)
+            for responder in range(len(now))
+            if was[responder] != now[responder]
+        }
+        assert changed and {(one.responder, one.step) for one in view.changes} == changed
+        kinds = {factor.effects: factor.kind for factor in view.factors(0) if factor.kind != "clock"}
+        for relation in view.board.relations:
+            if relation.kind in ("unreliable", "flicker"):
+                assert kinds[view.node(LinkRef(object=relation.responder, link=BODY)),] == "chance"
+
+
+def test_links_that_decide_nothing_together_are_tried_apart(
+    few_objects: Objects, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Timers and latches do not tell how many states a link has: of seven such links together there are 128 ways."""
+    (episode,) = large_episodes(few_objects(0), "time", 1)
+    law = MechanismView(episode).dynamics
+    monkeypatch.setattr("busybot.view.mechanisms.MOST_WAYS", 40)
+    assert law is not None and MechanismView(episode).dynamics is not None
+    monkeypatch.setattr("busybot.view.mechanisms.MOST_WAYS", 1)
+    view = MechanismView(episode)
+    assert view.dynamics is None and view.changes == []
+    assert view.unexplained == "what changes go back to is not known here"
 
 
 def factors_of(folder: Path, world: str, kind: str) -> list[tuple[MechanismView, Factor]]:
@@ -118,7 +153,30 @@ def test_recordings_that_know_little_and_strange_kinds_are_told_all_the_same(few
     view = MechanismView(replace(episode, board=board))
     assert view.dynamics is None and view.changes == []
     assert view.factors(0)[0].label == "from-elsewhere 7"
-    assert view.sentences[0][1].startswith("from-elsewhere of switch")
+    assert view.sentences[0][1].startswith("from-elsewhere of switch") and view.unexplained
+
+
+def test_kinds_keep_their_type_where_the_law_is_not_known(few_objects: Objects) -> None:
+    for episode in episodes(few_objects(0), "chance"):
+        known, blind = MechanismView(episode), MechanismView(contradicted(episode))
+        assert blind.dynamics is None and blind.changes == [] and known.dynamics is not None
+        told, true = ([(one.key, one.kind) for one in view.factors(0)] for view in (blind, known))
+        assert told == true and "chance" in dict(told).values()
+        assert blind.unexplained == "what changes go back to is not known here" and not known.unexplained
+
+
+def test_two_links_of_one_name_have_no_law(few_objects: Objects) -> None:
+    (episode,) = episodes(few_objects(0), "gates", 1)
+    again = next(link for link in episode.links if link.trigger)
+    steps = [
+        replace(
+            step,
+            trigger_states_before=(*step.trigger_states_before, 0),
+            trigger_states_after=(*step.trigger_states_after, 0),
+        )
+        for step in episode.steps
+    ]
+    assert MechanismView(replace(episode, links=(*episode.links, again), steps=steps)).dynamics is None
 
 
 def test_text_of_a_file_stays_one_short_line() -> None:

@@ -20,7 +20,8 @@ quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without end does not count
   units, longer side 0.71 (Door); at most 1.8 high |
 | movable links | of a Switch all that move, of another category its controls; the 4 largest if there are more |
 | kind | multi-direction if the only link travels along the board, by at least 0.15 of the footprint's diagonal,
-  and the object is a box: higher than its footprint is wide. Else two-state |
+  and the object is a box: higher than its footprint is wide. Else two-state. What then has to go farther than an
+  action takes it (`partnet.reach`) is asked about |
 | directions | a link that travels along the board: both ways along its travel; a knob (hinge along the line of
   sight): plus and minus x and y; else pressing: plus and minus z, and the diagonals of z with the way in which the
   link tilts (with x for a button) |
@@ -28,7 +29,8 @@ quarter turn, `loader.UNLIMITED_RANGE`; a sliding one without end does not count
   the larger of two. Colours are drawn from six, by the id |
 | door | the link with the largest face goes from the end where the object is flatter to the other; a second leaf of
   at least half its size makes it a multi-stage responder too |
-| toy | the last joint that moves: rest, lower limit, upper limit |
+| toy | the last joint that moves: rest (the middle, if that is near an end), lower limit, upper limit; at most three
+  quarters of a turn apart, else they look alike |
 | height | the lowest point at rest stands on the board |
 
 Refused: nothing moves (Switch, Door, Toy), nothing to paint (a Lamp with a single link), a joint of another type than
@@ -49,6 +51,7 @@ from busybot.objects.importing.annotation_edits import Category, Choices, Effect
 from busybot.objects.importing.raw import IDENTITY, RawObject
 from busybot.objects.model import CATEGORIES
 from busybot.objects.partnet.loader import limits
+from busybot.objects.partnet.reach import out_of_reach
 from busybot.objects.partnet.urdf import Joint, bounds, flatter_first, link_vertices, rotation
 
 FLAT = 0.02
@@ -143,7 +146,7 @@ def _axis(motion: np.ndarray) -> tuple[float, float]:
     return float(x) + 0.0, float(y) + 0.0
 
 
-RULES_VERSION = "1.0"
+RULES_VERSION = "1.1"
 """Changes when the same raw object gets another annotation."""
 CONTROLS = frozenset({"button", "knob", "switch", "lever", "slider", "toggle", "key", "dial"})
 LEAVES = frozenset({"door", "drawer", "lid", "window", "cover", "screen", "flap", "hatch", "gate", "leaf"})
@@ -152,6 +155,9 @@ CONTROL_FACE = 0.6
 MAX_LINKS = 4
 BOX_TRAVEL = 0.15
 SECOND_LEAF = 0.5
+NEAR_END, MOST_TURN = 0.1, 1.5 * np.pi
+"""A toy's rest is an end if it is nearer to one than this share of its way; what turns by more radians than this comes
+round again."""
 SIDES: dict[str, float] = {"Switch": 0.29, "Lamp": 0.42, "Toy": 0.57, "Door": 0.71}
 MAX_HEIGHT = 1.8
 Quaternion = tuple[float, float, float, float]
@@ -223,6 +229,7 @@ class _Rules:
             links = self.given.links or _kinds(used, motions, high - low)
             found = [way for moving, motion in zip(used, motions, strict=True) for way in ways(moving, motion)]
             directions = self.given.directions or tuple(dict.fromkeys(found))
+            self.ask_what_is_out_of_reach(used, links, scale)
         else:
             effect = self.given.effect or self.effect(category, used, orientation, scale)
         choices = Choices(
@@ -314,16 +321,31 @@ class _Rules:
             return bool(offset[2] >= ON_TOP)
         return bool(size[0] <= PLATE * size[1:].min() or offset[2] + offset[0] <= -AHEAD)
 
+    def ask_what_is_out_of_reach(self, used: list[Moving], links: Mapping[str, Kind], scale: float) -> None:
+        for moving in used:
+            states = 2 if links[moving.link] == "two-state" else 3
+            found = out_of_reach(self.raw.urdf, self.raw.meshes, moving.joint, states, scale)
+            if found is not None:
+                what, largest = found
+                self.questions.append(f"{what}. Shall its scale be {largest} or less, or its travel shorter?")
+
     def effect(self, category: Category, used: list[Moving], orientation: Quaternion, scale: float) -> EffectChoice:
         if category == "Lamp":
             return self.lamp()
         units = [scale if moving.slides else 1.0 for moving in used]
         if category == "Toy":
-            joint, unit = used[-1].joint, units[-1]
-            lower, upper = limits(joint)
-            steps = ((rest(joint) * unit,), (lower * unit,), (upper * unit,))
-            return EffectChoice(type="joint", joints=(joint.name,), steps=steps)
+            return self.toy(used[-1], units[-1])
         return self.door(used, units, orientation)
+
+    def toy(self, moving: Moving, unit: float) -> EffectChoice:
+        lower, upper = limits(moving.joint)
+        if not moving.slides:
+            upper = min(upper, lower + MOST_TURN)
+        first = rest(moving.joint)
+        if min(first - lower, upper - first) < NEAR_END * (upper - lower):
+            first = (lower + upper) / 2
+        steps = ((first * unit,), (lower * unit,), (upper * unit,))
+        return EffectChoice(type="joint", joints=(moving.joint.name,), steps=steps)
 
     def door(self, used: list[Moving], units: list[float], orientation: Quaternion) -> EffectChoice:
         x, y, z, w = orientation

@@ -1,12 +1,13 @@
 """Raw PartNet-Mobility objects become a library: annotated by rules and overrides, copied, put in a split.
 
-An object's folder is built beside its place and renamed into it, and the split file names the object before its folder
-appears: at any moment the library can be read. The same import again changes nothing.
+An object's folder is built beside its place and renamed into it. The split file names the object before its folder
+appears, and under a former category until that folder is gone: at any moment the library can be read, though without an
+object that is just being replaced. The same import again changes nothing.
 """
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,7 @@ def import_objects(
     """
     if out is not None:
         _check_library(out)
-        remove_abandoned(out, _WORK, lambda left: _put_back(out, left / "former"))
+        remove_abandoned(out, _WORK, lambda left: _tidy(out, left))
     for folder in folders:
         try:
             yield _import(folder, out, overrides or Overrides(None, {}, {}), split, replace)
@@ -235,24 +236,29 @@ def _place(snapshot: Snapshot, out: Path, model: ObjectModel, replace: bool, spl
         raise BusybotError(f"{out}: has another {there} already", "import with --replace, or name another library")
     make_folder(out)
     with unfinished(out, _WORK) as temporary:
-        made = temporary / "made"
+        made = temporary / "made" / model.key
         for name, data in snapshot.files.items():
             write_new(made / name, data, out)
-        chosen = _list(out, model, split)
         try:
+            chosen = _list(out, model, split, {folder.parent.name for folder in present})
             for former in present:
                 rename(former, temporary / "former" / former.relative_to(out), out)
             rename(made, place, out)
         finally:
-            _put_back(out, temporary / "former")
+            _tidy(out, temporary)
     return True, chosen
 
 
-def _put_back(out: Path, former: Path) -> None:
-    """An object that a killed import had moved away, but not replaced yet, returns to the library."""
-    for kept in former.glob("*/*"):
+def _tidy(out: Path, work: Path) -> None:
+    """After an import, whole or broken off: what it moved away, but did not replace, returns to the library.
+
+    The split file then names the import's object where its folder is.
+    """
+    for kept in sorted((work / "former").glob("*/*")):
         if not any((out / category / kept.name).exists() for category in CATEGORIES):
-            rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(former), out)
+            rename(inside(out, str(kept.relative_to(out))), out / kept.relative_to(work / "former"), out)
+    for instance in {folder.name for part in ("made", "former") for folder in (work / part).glob("*/*")}:
+        _unlist(out, instance)
 
 
 def _same(place: Path, snapshot: Snapshot) -> bool:
@@ -262,8 +268,12 @@ def _same(place: Path, snapshot: Snapshot) -> bool:
         return False
 
 
-def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
-    """Name the object in the split file, and only there; what the file says of it stays, unless `split` is given."""
+def _list(out: Path, model: ObjectModel, split: Split | None, kept: Collection[str] = ()) -> str:
+    """Name the object in the split file; what the file says of it stays, unless `split` is given.
+
+    Args:
+        kept: other categories in whose lists it stays; from all others it is removed.
+    """
     value, counts = _read_splits(out)
     listed = counts.get(model.key)
     known = catalogue().get(model.key)
@@ -273,12 +283,26 @@ def _list(out: Path, model: ObjectModel, split: Split | None) -> str:
         here = value["Reason"].setdefault(category, {})
         for name_of_split, name in LISTS.items():
             ids = here.get(name, []) if name_of_split == OTHER else here.setdefault(name, [])
-            if category != model.category or name_of_split != chosen:
+            if category == model.category and name_of_split == chosen:
+                if model.instance not in ids:
+                    ids += [model.instance] * (known.weight if known else 1)
+            elif category == model.category or category not in kept:
                 ids[:] = [instance for instance in ids if instance != model.instance]
-            elif model.instance not in ids:
-                ids += [model.instance] * (known.weight if known else 1)
     write_json(out / SPLIT_FILE, value)
     return chosen
+
+
+def _unlist(out: Path, instance: str) -> None:
+    """Drop an object that has a folder from the lists of the categories that it has none in."""
+    value, counts = _read_splits(out)
+    homes = [category for category in CATEGORIES if (out / category / instance).is_dir()]
+    left = [category for category in CATEGORIES if category not in homes and f"{category}/{instance}" in counts]
+    if homes and left:
+        for category in left:
+            for name in LISTS.values():
+                ids = value["Reason"][category].get(name, [])
+                ids[:] = [other for other in ids if other != instance]
+        write_json(out / SPLIT_FILE, value)
 
 
 def _read_splits(out: Path) -> tuple[dict[str, Any], dict[str, Counter[str]]]:

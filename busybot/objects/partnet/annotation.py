@@ -8,6 +8,7 @@ The format is that of the BusyBot authors' PartNet-Mobility annotation. What the
 - Colours have an alpha that means nothing.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -26,6 +27,13 @@ Vector3 = tuple[Number, Number, Number]
 Flag = Annotated[int, Field(ge=0, le=1, strict=True)]
 Id = Annotated[int, Field(ge=0, le=255, strict=True)]
 Value = Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)]
+
+
+def refuse_equal(name: str, values: Sequence[tuple[float, ...]]) -> None:
+    """Refuse states or steps of an effect, colours or joint positions, of which two look alike."""
+    for place, value in enumerate(values):
+        if value in values[:place]:
+            raise ValueError(f"{name} {values.index(value)} and {place} are equal: nobody could tell them apart")
 
 
 class _Part(BaseModel):
@@ -80,6 +88,9 @@ class EffectEntry(_Part):
                 raise ValueError(f"a state has {len(value)} values for {len(self.joint_ids)} joints")
             if self.Type == "link" and (len(value) not in (3, 4) or not all(0 <= channel <= 1 for channel in value)):
                 raise ValueError("a colour must be 3 or 4 numbers between 0 and 1")
+        channels = 3 if self.Type == "link" else None
+        refuse_equal("States", [value[:channels] for value in self.States or () if self.IsSingleEffect])
+        refuse_equal("Steps", [value[:channels] for value in self.Steps or () if self.IsMultiEffect])
         return self
 
 

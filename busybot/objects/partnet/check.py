@@ -1,7 +1,7 @@
 """Checks every object of a library and lists its faults, however many are bad.
 
 Of a bad object everything is told that can be found separately: each field of the annotation, the first fault of the
-URDF, each mesh.
+URDF, each mesh. Bad is also a trigger that can be read, but that no action could ever move.
 """
 
 from collections.abc import Iterator
@@ -14,11 +14,12 @@ from busybot.objects.importing.annotation_edits import Choices
 from busybot.objects.importing.auto_annotation import decide
 from busybot.objects.importing.raw import is_raw, read_raw
 from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
-from busybot.objects.model import CATEGORIES
+from busybot.objects.model import CATEGORIES, ObjectModel
 from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults, annotation_values
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.partnet.loader import load_object
 from busybot.objects.partnet.meshes import check_meshes
+from busybot.objects.partnet.reach import out_of_reach
 from busybot.objects.partnet.urdf import parse_urdf
 
 _IMPORT = "busybot assets import {} --out LIBRARY"
@@ -77,25 +78,40 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
         if is_raw(folder):
             read_raw(folder)
             return [Finding(name, f"{folder}: is raw: it has no {FILE_NAME}", _IMPORT.format(quote(str(folder))))]
-        if key is None:
-            load_object(folder)
-        else:
-            load_as(key, folder)
+        model = load_object(folder) if key is None else load_as(key, folder)
     except BusybotError as error:
         others = {fault.what: fault for fault in _faults(folder) if fault.what != error.what}
         return [Finding(name, fault.what, fault.hint) for fault in (error, *others.values())]
-    return _questions(name, folder) or [Finding(name)]
+    idle = [Finding(name, f"{folder / FILE_NAME}: {what}", hint) for what, hint in _idle(model)]
+    return idle or _questions(name, folder, model) or [Finding(name)]
 
 
-def _questions(name: str, folder: Path) -> list[Finding]:
+def _idle(model: ObjectModel) -> Iterator[tuple[str, str]]:
+    """Why nothing would ever move a trigger that can be read, each with what to do."""
+    if model.role != "trigger":
+        return
+    snapshot = read_snapshot(model.folder)
+    urdf = parse_urdf(snapshot)
+    meshes, joints = check_meshes(snapshot, urdf.meshes), {joint.name: joint for joint in urdf.joints}
+    for link in model.trigger_links:
+        found = out_of_reach(urdf, meshes, joints[link.joint], link.states, model.scale)
+        if found is not None:
+            what, scale = found
+            yield f"Scale: {what}", f"make Scale {scale} or less, or give {link.joint} less travel in mobility.urdf"
+    if not model.directions:
+        hint = "name the directions in which its links yield, as docs/extending/add-an-object.md has it"
+        yield "Direction: names none, so that strict mode refuses every action on this trigger", hint
+
+
+def _questions(name: str, folder: Path, model: ObjectModel) -> list[Finding]:
     """What the rules doubted when they annotated the object, if it still is as they chose."""
     value = annotation_values(read_snapshot(folder.absolute()))
     told = value.get("Import")
     overrides = told.get("overrides") if isinstance(told, dict) else None
     if not isinstance(overrides, list) or "orientation" in overrides:
         return []
-    links = {link: "two-state" for link in value["Movable_link"]} if value.get("Cause") else None
-    given = Choices.model_validate({"category": value["Category"], "links": links or None})
+    links = {link.name: link.kind for link in model.trigger_links}
+    given = Choices.model_validate({"category": model.category, "scale": model.scale, "links": links or None})
     try:
         decision = decide(read_raw(folder), given)
     except BusybotError:  # of files that an import reads and a board does not

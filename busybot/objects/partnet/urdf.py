@@ -335,16 +335,18 @@ def link_vertices(
     for joint in urdf.joints:
         motion = joint_motion(joint, positions.get(joint.name, 0.0))
         frames[joint.child] = frames[joint.parent] @ joint.origin @ motion
-    result = {}
-    for link, shapes in urdf.visuals.items():
-        parts = []
-        for shape in shapes:
-            points = shape.corners if shape.mesh is None else meshes[shape.mesh]
-            matrix = frames[link] @ shape.transform
-            parts.append(points @ matrix[:3, :3].T + matrix[:3, 3])
-        if sum(map(len, parts)):
-            result[link] = np.concatenate(parts)
-    return result
+    found = {link: shape_vertices(shapes, meshes, frames[link]) for link, shapes in urdf.visuals.items()}
+    return {link: points for link, points in found.items() if len(points)}
+
+
+def shape_vertices(shapes: Sequence[Shape], meshes: Mapping[str, np.ndarray], frame: np.ndarray) -> np.ndarray:
+    """Vertices of a link's shapes, (n, 3), when the link has this frame, (4, 4)."""
+    parts = [np.zeros((0, 3))]
+    for shape in shapes:
+        points = shape.corners if shape.mesh is None else meshes[shape.mesh]
+        matrix = frame @ shape.transform
+        parts.append(points @ matrix[:3, :3].T + matrix[:3, 3])
+    return np.concatenate(parts)
 
 
 def bounds(vertices: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

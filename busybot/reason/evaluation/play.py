@@ -1,23 +1,30 @@
-"""Lets a program play the boards of a dataset as text (`text_game`) and measures the graphs that it claims."""
+"""Lets a program play the boards of a dataset as text (`text_game`) and measures the graphs that it claims.
 
+Of the files that the agent's command names, programs are told from others: see `AgentFiles`. With another program no
+evaluation goes on. Others may be what the run itself writes, such as a log or a cache of answers: they may change.
+"""
+
+import os
 import shlex
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from busybot.boards.spec import BoardSpec
-from busybot.common.atomic_io import sha256_of
+from busybot.common.atomic_io import read_json, sha256_of
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_HASHED_BYTES
 from busybot.common.process_pool import Progress
+from busybot.common.text import one_line
 from busybot.datasets.dataset import Dataset
-from busybot.evaluation.folder import BoardWork, conclude, judge_boards
+from busybot.evaluation.folder import SETTINGS, BoardWork, conclude, judge_boards
 from busybot.evaluation.judgements import log_judgement
-from busybot.evaluation.results import stamp
+from busybot.evaluation.results import of_this_code, stamp
 from busybot.objects.library import Library
 from busybot.reason.evaluation.causes import JudgedCauses, candidates_of
 from busybot.reason.evaluation.causes_summary import summarise_causes
@@ -30,6 +37,13 @@ FIGURES = (
     *("link_parent_f1_bound", "shd", "shd_bound", "bound_boards"),
 )
 """Figures of `causes_summary.KEYS` that a claimed graph has."""
+PROGRAMS = frozenset(
+    (
+        *(".py", ".pyc", ".pyz", ".sh", ".bash", ".zsh", ".js", ".mjs", ".cjs", ".ts", ".mts", ".rb", ".pl", ".php"),
+        *(".lua", ".r", ".jl", ".jar", ".java", ".go", ".rs", ".hs", ".ml", ".scala", ".wasm"),
+    )
+)
+"""Ends of names of files that are programs, in small letters."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +69,31 @@ class TextGames:
     seed: int = 0
 
 
+@dataclass(frozen=True)
+class AgentFiles:
+    """Files that words of a command name, by these words: each has its SHA-256, or what `told_of` tells in its place.
+
+    Attributes:
+        programs: of the first word, and those that may be executed or whose name ends as in `PROGRAMS`.
+        data: the others. Whether a program reads or writes them is not known, but that what changed while it played was
+            written.
+    """
+
+    programs: dict[str, str]
+    data: dict[str, str]
+
+    @classmethod
+    def of(cls, words: Sequence[str]) -> Self:
+        """As they are now."""
+        places = {word: Path(word) for word in words} | {words[0]: Path(shutil.which(words[0]) or words[0])}
+        files = {word: told for word, place in places.items() if (told := told_of(place)) is not None}
+        programs = {word for word in files if word == words[0] or _is_program(places[word])}
+        return cls(
+            {word: told for word, told in files.items() if word in programs},
+            {word: told for word, told in files.items() if word not in programs},
+        )
+
+
 def make_work(games: TextGames) -> Callable[[int], PlayedBoard]:
     """What a worker does with a board's number."""
 
@@ -75,14 +114,17 @@ def play_boards(
     """Let the program play all boards and judge it: `FIGURES` as `causes_summary.KEYS` says, and how boards ended.
 
     `wrong_early_stops` is the share of the boards on which it said what it knows with actions left, and its parents
-    (pairs of objects) were not exactly the true ones; `actions_used` is a mean over boards.
+    (pairs of objects) were not exactly the true ones; `actions_used` is a mean over boards. `agent_data` has the data
+    files of the command as they were at first, `agent_changed` names those that are others now; what did not change
+    counts as part of the agent in `hashes` and in the log of judgings.
 
     Args:
         out: folder for the results, with which a stopped evaluation of the same program goes on.
         command: that gives this result again.
 
     Raises:
-        BusybotError: nobody knows the relations, `out` holds something else, or the program cannot be started.
+        BusybotError: nobody knows the relations, `out` holds something else or what another program did, or the program
+            cannot be started.
     """
     dataset, info = games.dataset, games.dataset.info
     boards = dataset.boards()[: games.boards]
@@ -90,14 +132,12 @@ def play_boards(
         if not board.relations_known:
             what = f"{dataset.path}: nobody knows the relations of board {board.index}: nothing can be judged"
             raise BusybotError(what, "use boards that `busybot generate` made")
-    hashes = dataset.hashes()
-    places = {word: Path(word) for word in games.agent} | {
-        games.agent[0]: Path(shutil.which(games.agent[0]) or games.agent[0])
-    }
-    files = {word: told for word, place in places.items() if (told := told_of(place)) is not None}
+    hashes, agent = dataset.hashes(), shlex.join(games.agent)
+    files = at_first(out, agent, AgentFiles.of(games.agent))
     settings = {
-        "agent": shlex.join(games.agent),
-        "agent_files": files,
+        "agent": agent,
+        "agent_files": files.programs,
+        "agent_data": files.data,
         "most_actions": games.actions,
         "timeout_s": games.timeout_s,
         "seed": games.seed,
@@ -107,16 +147,44 @@ def play_boards(
     seconds = STARTING_S + games.timeout_s * (games.actions + MOST_REFUSED + 1)
     work = BoardWork(PlayedBoard, make_work, (games,), workers, seconds)
     played = judge_boards([board.index for board in boards], work, settings, progress, out)
-    hashed: dict[str, dict[str, Any]] = {"models": {shlex.join(games.agent): files}, "tasks": {info.name: hashes.board}}
+    now = AgentFiles.of(games.agent).data
+    same = {word: told for word, told in files.data.items() if now.get(word) == told}
+    hashed: dict[str, dict[str, Any]] = {"models": {agent: files.programs | same}, "tasks": {info.name: hashes.board}}
     stamped = stamp("play", command=command, hashes=hashed)
-    result = {**stamped, **settings, **summarised(boards, played, games.seed)}
-    result["logged"] = log_judgement(dataset, [one.index for one in boards], str(settings["agent"]), result)
+    changed = {"agent_changed": sorted((files.data | now).keys() - same.keys())}
+    result = {**stamped, **settings, **changed, **summarised(boards, played, games.seed)}
+    result["logged"] = log_judgement(dataset, [one.index for one in boards], agent, result)
     return conclude(out, result)
 
 
+def at_first(out: Path | None, agent: str, now: AgentFiles) -> AgentFiles:
+    """The agent's files when the evaluation in `out` began; as they are now, where the same command began none there.
+
+    Raises:
+        BusybotError: a program is another one now.
+    """
+    known = read_json(out / SETTINGS) if out is not None and (out / SETTINGS).exists() else {}
+    if not of_this_code(known) or known.get("agent") != agent:
+        return now
+    programs, data = known.get("agent_files"), known.get("agent_data")
+    if not isinstance(programs, dict) or not isinstance(data, dict):
+        return now
+    differing = [word for word in now.programs | programs if now.programs.get(word) != programs.get(word)]
+    if differing:
+        names = one_line(", ".join(differing))
+        what = f"{out}: another program began the evaluation there: agent_files differ: {names}"
+        hint = "name another folder, or put back what was there; if the agent itself writes it, end its name as in .log"
+        raise BusybotError(what, hint)
+    return AgentFiles(now.programs, data)
+
+
+def _is_program(place: Path) -> bool:
+    return place.suffix.lower() in PROGRAMS or os.access(place, os.X_OK)
+
+
 def told_of(place: Path) -> str | None:
-    """The SHA-256 of a file that the program's command names, or its size and date where that is too much to read; None
-    of a word that names no file."""
+    """The SHA-256 of a file that the program's command names, or its size and date where that is too much to read, or
+    may not be read; None of a word that names no file."""
     try:
         about = place.stat() if place.is_file() else None
     except OSError:  # such as a piece of a program, longer than names are
@@ -124,7 +192,8 @@ def told_of(place: Path) -> str | None:
     if about is None:
         return None
     if about.st_size <= MAX_HASHED_BYTES:
-        return sha256_of(place)
+        with suppress(BusybotError, OSError):  # such as a log that a program of another user has just removed
+            return sha256_of(place)
     return f"{about.st_size} bytes, changed at {about.st_mtime_ns} ns"
 
 

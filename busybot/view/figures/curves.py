@@ -38,10 +38,14 @@ REFERENCE: dict[str, Any] = {"linestyle": "", "marker": "D", "markeredgecolor": 
 """Marks of a gate and of the paper's numbers."""
 
 
+LEAST_STRIP = 1.3
+"""Height of a split's strip at least, inches: its name stands beside it."""
+
+
 def table_figure(path: Path, table: Table, rows: Mapping[str, RowFound], root: Path | None = None) -> Path:
     """Every number of a table as a dot with its interval, the paper's as a diamond, the gate as a line."""
     lines = len(table.rows)
-    figure = parts.page(parts.WIDTH, 0.9 + len(table.splits) * (0.35 + 0.175 * lines))
+    figure = parts.page(parts.WIDTH, 0.9 + len(table.splits) * (0.35 + max(0.175 * lines, LEAST_STRIP)))
     grid = figure.subplots(len(table.splits), len(table.keys), squeeze=False, sharey=True, sharex=True)
     for strip, (split, words) in enumerate(table.splits.items()):
         for column, (key, head) in enumerate(table.keys.items()):

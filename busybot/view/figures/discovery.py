@@ -57,7 +57,7 @@ def discovery_figure(path: Path, groups: Mapping[str, Sequence[WorldRow]], root:
                     *zip(*row.curve, strict=True), line, color=color, linewidth=width, marker=marker, markersize=3
                 )
         world, _, boards = words.partition(": ")
-        parts.draw_title(axes, shown(world), shown(boards.replace("`", "")))
+        parts.draw_title(axes, shown(world), _where(boards.replace("`", "")))
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.tick_params(labelbottom=True)
         axes.set_xlabel("actions", fontsize=8, color=unit(MUTED))
@@ -66,6 +66,12 @@ def discovery_figure(path: Path, groups: Mapping[str, Sequence[WorldRow]], root:
         handles.append(parts.line_key("exact observer", INK, linestyle=":"))
     parts.draw_legend(figure, handles, min(PER_LINE, len(handles)))
     return parts.save_png(figure, path, root)
+
+
+def _where(boards: str) -> str:
+    """Which boards: in a second line what tells them from others at last, if one line has no room for it."""
+    parted = [boards] if len(boards) <= MOST_LETTERS else boards.rsplit(", ", 1)
+    return "\n".join(map(shown, parted))
 
 
 def shown(name: str) -> str:

@@ -13,7 +13,7 @@ from busybot.episodes.episode import Episode
 from busybot.reason.models.base import InferredGraph
 from busybot.view import annotations
 from busybot.view.figures import parts
-from busybot.view.mechanisms import harmless, mechanism_view
+from busybot.view.mechanisms import MechanismView, harmless, mechanism_view
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, TRUTH, VERDICTS, mix, unit
 
 COLUMNS = 4
@@ -44,8 +44,10 @@ def episode_figure(path: Path, episode: Episode) -> Path:
     chosen = telling_steps(episode, 2 * COLUMNS - 1)
     figure, grid = _board_grid(len(chosen) + 1)
     parts.draw_picture(grid[0], episode, episode.image(0))
-    parts.draw_title(grid[0], "start", f"board {episode.board.index}")
-    names, why = annotations.object_names(episode.board), _otherwise(episode)
+    view, names = mechanism_view(episode), annotations.object_names(episode.board)
+    unknown = ", causes are not known here" if view and view.unexplained else ""
+    parts.draw_title(grid[0], "start", f"board {episode.board.index}{unknown}")
+    why = _otherwise(view)
     for axes, step in zip(grid[1:], chosen, strict=False):
         parts.draw_picture(axes, episode, episode.image(step + 1))
         acted = annotations.acted_object(episode, step)
@@ -60,9 +62,8 @@ def episode_figure(path: Path, episode: Episode) -> Path:
     return parts.save_png(figure, path)
 
 
-def _otherwise(episode: Episode) -> dict[tuple[int, int], str]:
+def _otherwise(view: MechanismView | None) -> dict[tuple[int, int], str]:
     """By step and responder what a change goes back to, where it is not the step's own action; other worlds only."""
-    view = mechanism_view(episode)
     found = {(one.step, one.responder): one for one in view.changes} if view else {}
     late = {key: f" (step {one.cause})" for key, one in found.items() if one.cause is not None and one.late}
     alone = {key: " (rewired)" if one.rewired else " (by itself)" for key, one in found.items() if one.cause is None}

@@ -47,10 +47,10 @@ LANE = 0.19
 WORDS = 58
 """Letters in a line of words."""
 TYPES = {"mechanism": "mechanism", "chance": "with luck of its own", "clock": "hidden clock", "lock": "lock"}
-EXPLAINED = (
-    "step; grey: state 0, yellow: 1, green: 2; arrows: from the action to the change that goes back to it "
-    "(pink: later); diamonds: by itself; crosses: a lock holds the link"
-)
+Lane = tuple[str, str, list[int]]
+"""Name, role and states at all steps of a link or a responder."""
+COLORS = ("grey", "yellow", "green")
+"""What the colours of `palette.STATES` are called."""
 LETTERS = 0.72
 """Drawing units of a unit of `label_places`: a tag's letters are so much smaller than the viewer's."""
 
@@ -215,8 +215,8 @@ def _draw_words(axes: Any, view: MechanismView) -> None:
         row += 0.35 * height
 
 
-def _lanes(view: MechanismView) -> list[tuple[str, str, list[int]]]:
-    """Name, role and states at all steps of every link and of every responder that something decides."""
+def _lanes(view: MechanismView) -> list[Lane]:
+    """Of every link, and of every responder that something decides."""
     steps = view.episode.steps
     if not steps or not steps[0].trigger_states_before:
         return []
@@ -228,7 +228,24 @@ def _lanes(view: MechanismView) -> list[tuple[str, str, list[int]]]:
     return lanes
 
 
-def _draw_time(axes: Any, view: MechanismView, lanes: list[tuple[str, str, list[int]]]) -> None:
+def _explained(view: MechanismView, lanes: list[Lane]) -> str:
+    """What the marks among the lanes mean, of those that are there; and what is not known, so that it has none."""
+    states = sorted({state for _, _, own in lanes for state in own})
+    by_color = {color: [s for s in states if s % len(STATES) == place] for place, color in enumerate(COLORS)}
+    told = [f"{color}: {' or '.join(map(str, own))}" for color, own in by_color.items() if own]
+    marks = ["step", ", ".join(told).replace(": ", ": state ", 1)]
+    if caused := [change for change in view.changes if change.cause is not None]:
+        late = " (pink: later)" * any(change.late for change in caused)
+        marks.append(f"arrows: from the action to the change that goes back to it{late}")
+    alone = [change.rewired for change in view.changes if change.cause is None]
+    if alone:
+        marks.append("red diamonds: rewired" if all(alone) else f"diamonds: by itself{' (red: rewired)' * any(alone)}")
+    if view.held:
+        marks.append("crosses: a lock holds the link")
+    return "; ".join(filter(None, [*marks, view.unexplained]))
+
+
+def _draw_time(axes: Any, view: MechanismView, lanes: list[Lane]) -> None:
     for row, (_, _, states) in enumerate(lanes):
         for frame, state in enumerate(states):
             color = unit(mix(STATES[state % len(STATES)], PAPER, 0.25))
@@ -251,7 +268,7 @@ def _draw_time(axes: Any, view: MechanismView, lanes: list[tuple[str, str, list[
     axes.tick_params(length=0, labelsize=6.5)
     axes.tick_params(axis="x", labelcolor=unit(MUTED))
     axes.spines[:].set_visible(False)
-    axes.set_xlabel(EXPLAINED, fontsize=7, color=unit(MUTED))
+    axes.set_xlabel(_explained(view, lanes), fontsize=7, color=unit(MUTED))
 
 
 def _draw_change(axes: Any, change: Change, row: int) -> None:

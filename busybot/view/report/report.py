@@ -4,7 +4,7 @@ What is missing is shown as missing, and every gate that is missed is named.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from busybot import __version__
@@ -20,9 +20,9 @@ from busybot.plan.agent_policy import is_rollout
 from busybot.view.figures.curves import Course, courses_figure, table_figure
 from busybot.view.figures.sequences import sequence_figure
 from busybot.view.report import sections
-from busybot.view.report.gates import Verdict, gate_blocks, summary_tiles, verdicts
+from busybot.view.report.gates import Verdict, count_gates, gate_blocks, summary_tiles, verdicts
 from busybot.view.report.page import Block, Fold, Heading, Items, Picture, Text, document, markdown
-from busybot.view.report.results import InteractResult, ReasonResult, Results, read_results
+from busybot.view.report.results import InteractResult, ReasonResult, Results, TableFile, read_results
 from busybot.view.report.worlds import world_blocks
 
 TITLE = "BusyBot, measured"
@@ -50,11 +50,22 @@ TRIAL = (
     "that hardly learned. That gates are missed here is no fault. `make reproduce PROFILE=laptop` measures something. "
     "Pictures may be reduced on this page; the folder `figures` beside it has them in full."
 )
+TRIALS = (
+    "**Some numbers mean nothing**: those of {0}, and what else the same runs made. The profile `smoke` only tries "
+    "whether everything runs."
+)
+TRIAL_FILE = (
+    "**These numbers mean nothing.** The profile `smoke` only tries whether everything runs. They stand here alone: no "
+    "gate is judged by them, and no other part of this page has them."
+)
+TABLE_PLOT = "Dots are ours with their intervals, diamonds the paper's, lines the gates; no dot: not run."
 TRIAL_PICTURES_BYTES = 1_800_000
 """Of all pictures within the page of a trial, which is to be sent around."""
 LEAD_SINGLES = f"Single evaluations, beside the paper BusyBot (Liu, Xu, Song; CoRL 2022). {WRITTEN}"
 MOST_COURSES = 12
 """Panels of a figure."""
+FILE_LETTERS = 40
+"""Of a file's name above a panel."""
 MOST_SEQUENCES = 8
 """Folders of rollouts that are shown."""
 LOOKED_AT = 20
@@ -92,7 +103,7 @@ class Report:
 
     def count(self, reached: bool | None) -> int:
         """Gates that are reached, missed (False) or not measured (None)."""
-        return sum(one.reached is reached for one in self.verdicts)
+        return count_gates(self.verdicts, reached)
 
 
 def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -> Report:
@@ -120,6 +131,8 @@ def write_report(paths: Sequence[Path], out: Path, shown: Shown | None = None) -
     if results.trial:
         blocks = [blocks[0], Text(TRIAL), *looks, Heading("Numbers"), *blocks[1:]]
     else:
+        trials = [f"`{file.name}`" for file in results.table_files.values() if file.trial]
+        blocks[1:1] = [Text(TRIALS.format(", ".join(trials)))] if trials else []
         blocks += looks
     blocks += [Heading("Files"), Items(files)]
     write_atomically(out / MARKDOWN, markdown(blocks, out).encode())
@@ -140,34 +153,52 @@ def _measured(results: Results, judged: list[Verdict], figures: Path) -> list[Bl
         singles = [Heading("Single evaluations"), *sections.single_blocks(results)]
     worlds = world_blocks(results.worlds, figures)
     rest = [*_courses(results, figures), *_beside(results, figures)]
-    if worlds and not (singles or results.tables):
+    if worlds and not (singles or results.table_files):
         return [Text(LEAD_SINGLES), *worlds, Fold(NO_TABLES, (*tables, *rest))]
-    if singles and not results.tables:
+    if singles and not results.table_files:
         return [Text(LEAD_SINGLES), *worlds, *singles, Fold(NO_TABLES, tuple(tables)), *rest]
     return [Text(LEAD), *tables, *worlds, *rest, *singles]
 
 
 def _table(table: Table, results: Results, figures: Path) -> list[Block]:
-    """A table's plot, numbers and origins."""
-    rows = results.tables.get(table.number, {})
+    """A table's plot, numbers and origins; one after the other of several files, which may be of other objects."""
+    files = results.of_table(table)
     blocks: list[Block] = [Heading(f"Table {table.number}: {table.title}"), Text(INTRODUCTIONS[table.number])]
-    if rows:
-        caption = "Dots are ours with their intervals, diamonds the paper's, lines the gates; no dot: not run."
-        plot = table_figure(figures / f"table{table.number}.png", table, rows, figures.parent)
-        blocks.append(Picture(plot, caption))
-    else:
-        blocks.append(Text(f"**Missing**: none of its rows was given. `{sections.RUN[table.number]}` measures them."))
-    blocks.append(sections.table_grid(table, rows))
-    return [*blocks, sections.provenance(table, results)] if rows else blocks
+    if not files:
+        missing = f"**Missing**: none of its rows was given. `{sections.RUN[table.number]}` measures them."
+        blocks += [Text(missing), sections.table_grid(table, {})]
+    several = len(files) > 1
+    blocks += [sections.several_files(table, files)] if several else []
+    for place, file in enumerate(files):
+        blocks += [Heading(f"`{file.name}`", 3), sections.about_file(file)] if several else []
+        plot = figures / f"table{table.number}{f'-{place}' if place else ''}.png"
+        blocks += _trial_file(file) if file.trial and not results.trial else _table_file(file, several, plot)
+        blocks.append(sections.provenance(file))
+    given = [file for file in results.table_files.values() if file.table.number == table.number]
+    return blocks if len(given) == len(files) == 1 else [*blocks, *sections.strange_rows(given)]
+
+
+def _table_file(file: TableFile, several: bool, plot: Path) -> list[Block]:
+    """Plot and numbers of a file; of one of several with the rows alone that it has."""
+    table = replace(file.table, rows=file.own) if several else file.table
+    drawn = table_figure(plot, table, file.rows, plot.parent.parent)
+    caption = TABLE_PLOT + (f" Rows of `{file.name}`." if several else "")
+    return [Picture(drawn, caption), sections.table_grid(table, file.rows)]
+
+
+def _trial_file(file: TableFile) -> list[Block]:
+    """What a trial tells on a page that has other numbers, too: these are neither drawn nor set beside the paper's."""
+    return [Text(TRIAL_FILE), sections.table_grid(file.table, file.rows, beside=False)]
 
 
 def _courses(results: Results, figures: Path) -> list[Block]:
     """How scores grow with actions and images, of all results that tell it."""
     told: list[Course] = []
-    for table, row, found in results.rows():
-        if row.role == "ours" and found is not None:
-            judged = [(words, found.results.get(split)) for split, words in table.splits.items()]
-            told += [Course(row.name, words, result) for words, result in judged if result]
+    for run in results.rows():
+        if run.row.role == "ours" and run.found:
+            judged = [(words, run.found.results.get(split)) for split, words in run.table.splits.items()]
+            whose = f"{_end_of(run.file)}\n" if run.file else ""
+            told += [Course(run.row.name, f"{whose}{words}", result) for words, result in judged if result]
     for result in results.singles.values():
         told.append(Course(sections.subject(result), str(result.dataset.get("split")), result))
     interact = [one for one in told if isinstance(one.result, InteractResult) and one.result.by_step]
@@ -186,6 +217,11 @@ def _courses(results: Results, figures: Path) -> list[Block]:
     return blocks
 
 
+def _end_of(name: str) -> str:
+    """As much of a file's name as has room above a panel."""
+    return name if len(name) <= FILE_LETTERS else f"…{name[1 - FILE_LETTERS :]}"
+
+
 def _beside(results: Results, figures: Path) -> list[Block]:
     """Calibration, robustness and cost."""
     blocks: list[Block] = [Heading("Calibration")]
@@ -195,11 +231,11 @@ def _beside(results: Results, figures: Path) -> list[Block]:
     )
     grid = sections.calibration_grid(results)
     blocks += [Text(explained), grid] if grid else [Text("**Missing**: no row of Table 2 was given.")]
-    blocks += [Heading("Robustness"), *sections.robustness_blocks(results.robustness, figures)]
+    blocks += [Heading("Robustness"), *sections.robustness_blocks(results, figures)]
     blocks.append(Heading("Cost"))
     cost = sections.cost_grid(results)
     blocks.append(cost or Text("**Missing**: no training tells its time."))
-    return [*blocks, *sections.stage_blocks(results.stages)]
+    return [*blocks, *sections.by_file(results.stages, lambda told, _: sections.stage_blocks(told))]
 
 
 def sequence_blocks(paths: Iterable[Path], figures: Path) -> list[Block]:

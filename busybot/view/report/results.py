@@ -3,6 +3,7 @@
 Files hold shares from 0 to 1; the cells of tables are percent.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from busybot.evaluation.results import KINDS, read_result
 from busybot.evaluation.statistics import Interval, widest
 from busybot.training.model_cards import rounds_of
 from busybot.view.report.page import number, spread
-from busybot.view.report.world_results import Evaluation, OnBoards, ResultFile, WorldResults
+from busybot.view.report.world_results import Evaluation, OnBoards, ResultFile, WorldResults, told_apart
 
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = (
@@ -27,6 +28,8 @@ SHOWN = (
     *("world-gates", "world-plans", "reason-robustness", "stages"),
 )
 """Kinds that a report shows."""
+TRIAL = "smoke"
+"""The profile that only tries whether everything runs."""
 MOST_PICTURES = 24
 """Of all given folders together: a report is one file."""
 
@@ -281,47 +284,120 @@ class RowFound:
     results: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class TableFile:
+    """What one file tells of one of the tables.
+
+    Attributes:
+        name: the file's, as short as tells it from all others of tables.
+        rows: by name.
+        about: assets, machine, commands and profile of the file as a whole.
+    """
+
+    table: Table
+    name: str
+    rows: dict[str, RowFound]
+    about: dict[str, Any]
+
+    @property
+    def trial(self) -> bool:
+        """Whether its numbers mean nothing."""
+        return self.about.get("profile") == TRIAL
+
+    @property
+    def own(self) -> tuple[ReferenceRow, ...]:
+        """The table's rows that it has."""
+        return tuple(row for row in self.table.rows if row.name in self.rows)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A row of a table as one file tells it.
+
+    Attributes:
+        found: None if no file has it.
+        file: the file's name, empty where no other file of this table was given.
+    """
+
+    table: Table
+    row: ReferenceRow
+    found: RowFound | None = None
+    file: str = ""
+
+    @property
+    def words(self) -> str:
+        """For people: which row, and where several files may have it, whose."""
+        return of_file(self.row.words, self.file)
+
+
+def of_file(words: str, file: str) -> str:
+    """Words with the file that they are about, if it has a name."""
+    return f"{words}, `{file}`" if file else words
+
+
 @dataclass
 class Results:
     """All that was given.
 
     Attributes:
-        tables: rows by name, by the table's number.
-        about: assets, machine, commands and profile of each table's file as a whole.
+        table_files: files of tables by path: each tells its rows of its own objects, machine and profile.
         singles: single evaluations of acting and reasoning by file.
         plans: those of planning.
         worlds: all of other worlds than the paper's.
-        robustness, stages: the last ones given.
+        robustness, stages: by file.
         pictures: in the order in which they were given.
         files: SHA-256 of every file that was read.
         without_kind: JSON files in folders that say no kind: they were passed over.
     """
 
-    tables: dict[int, dict[str, RowFound]] = field(default_factory=dict)
-    about: dict[int, dict[str, Any]] = field(default_factory=dict)
+    table_files: dict[str, TableFile] = field(default_factory=dict)
     singles: dict[str, InteractResult | ReasonResult] = field(default_factory=dict)
     plans: dict[str, PlanResult] = field(default_factory=dict)
     worlds: WorldResults = field(default_factory=WorldResults)
-    robustness: dict[str, Any] | None = None
-    stages: Stages | None = None
+    robustness: dict[str, dict[str, Any]] = field(default_factory=dict)
+    stages: dict[str, Stages] = field(default_factory=dict)
     pictures: list[Path] = field(default_factory=list)
     files: dict[str, str] = field(default_factory=dict)
     without_kind: int = 0
 
     @property
     def trial(self) -> bool:
-        """Whether these are of the profile `smoke`, which only tries whether everything runs."""
-        return any(about.get("profile") == "smoke" for about in self.about.values())
+        """Whether all numbers here are of the profile `smoke`."""
+        others = (self.singles, self.plans, self.worlds, self.robustness)
+        files = self.table_files.values()
+        return bool(files) and all(file.trial for file in files) and not any(others)
 
-    def row(self, table: Table, name: str) -> RowFound | None:
-        """A row of a table, if it was run."""
-        return self.tables.get(table.number, {}).get(name)
+    @property
+    def tables(self) -> dict[int, dict[str, RowFound]]:
+        """Rows by name, by the number of a table of which one file was given."""
+        return {number: file.rows for number, file in self._alone()}
 
-    def rows(self) -> Iterator[tuple[Table, ReferenceRow, RowFound | None]]:
-        """All rows of all tables, in the tables' order."""
+    @property
+    def about(self) -> dict[int, dict[str, Any]]:
+        """What such a file tells of itself as a whole."""
+        return {number: file.about for number, file in self._alone()}
+
+    def _alone(self) -> Iterator[tuple[int, TableFile]]:
+        numbers = Counter(file.table.number for file in self.table_files.values())
+        files = ((file.table.number, file) for file in self.table_files.values())
+        return ((number, file) for number, file in files if numbers[number] == 1)
+
+    def of_table(self, table: Table) -> list[TableFile]:
+        """Files that have rows of a table, those that have most first, trials last: not as they were given."""
+        found = [file for file in self.table_files.values() if file.table.number == table.number and file.own]
+        return sorted(found, key=lambda file: (file.trial, -len(file.own)))
+
+    def runs(self, table: Table, row: ReferenceRow) -> list[Run]:
+        """A row as each file tells it whose numbers mean something; in a trial as all do."""
+        files = self.of_table(table)
+        told = [file for file in files if row.name in file.rows and (self.trial or not file.trial)]
+        return [Run(table, row, file.rows[row.name], file.name if len(files) > 1 else "") for file in told]
+
+    def rows(self) -> Iterator[Run]:
+        """The runs of all rows of all tables, in the tables' order; of a row that was not run that it was not."""
         for table in TABLES:
             for row in table.rows:
-                yield table, row, self.row(table, row.name)
+                yield from self.runs(table, row) or [Run(table, row)]
 
 
 def read_results(paths: Iterable[Path], drawn: Path | None = None) -> Results:
@@ -341,6 +417,8 @@ def read_results(paths: Iterable[Path], drawn: Path | None = None) -> Results:
                     _read(results, file, named=False)
         else:
             _read(results, path, named=True)
+    names = told_apart(results.table_files)
+    results.table_files = {path: replace(file, name=names[path]) for path, file in results.table_files.items()}
     return results
 
 
@@ -385,13 +463,14 @@ def _take(results: Results, file: Path, value: dict[str, Any]) -> bool:
         case "plan":
             results.plans[str(file)] = PlanResult.model_validate(value)
         case "reason-robustness":
-            results.robustness = _Robustness.model_validate(value).model_dump()
+            results.robustness[str(file)] = _Robustness.model_validate(value).model_dump()
         case "stages":
-            results.stages = Stages.model_validate(value)
+            results.stages[str(file)] = Stages.model_validate(value)
         case "table1" | "table2" | "table3" as kind:
             number, told = int(kind.removeprefix("table")), _TableFile.model_validate(value)
-            results.tables.setdefault(number, {}).update(rows_of(number, told.rows or {}))
-            results.about[number] = told.model_dump(include={"assets", "machine", "commands", "profile"})
+            about = told.model_dump(include={"assets", "machine", "commands", "profile"})
+            rows = rows_of(number, told.rows or {})
+            results.table_files[str(file)] = TableFile(TABLES[number - 1], file.name, rows, about)
         case _:
             return False
     return True

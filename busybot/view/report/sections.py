@@ -1,8 +1,8 @@
 """The parts of a report that show numbers: tables, single evaluations, robustness, cost, and where they come from."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from busybot.common.rng import generator
 from busybot.evaluation.reference_tables import INTERACTION, PLANNING, REASONING, ReferenceRow, Role, Table
@@ -33,12 +33,14 @@ from busybot.view.report.results import (
     RowFound,
     Score,
     Stages,
+    TableFile,
     score,
     score_of,
 )
-from busybot.view.report.world_results import WorldReason, name_of
+from busybot.view.report.world_results import WorldReason, name_of, told_apart
 
 Judged = InteractResult | ReasonResult | WorldReason
+_Told = TypeVar("_Told")
 
 SECTIONS: dict[str, tuple[Role, ...]] = {
     "ours": ("ours",),
@@ -77,7 +79,8 @@ def table_grid(table: Table, rows: dict[str, RowFound], beside: bool = True) -> 
     lines: list[tuple[str, tuple[Entry, ...]]] = []
     for words, roles in SECTIONS.items():
         shown = [row for row in table.rows if row.role in roles and (beside or row.name in rows)]
-        lines += [(words, ()), *((row.words, _entries(table, row, rows.get(row.name), beside)) for row in shown)]
+        lines += [(words, ())] if shown else []
+        lines += [(row.words, _entries(table, row, rows.get(row.name), beside)) for row in shown]
     if beside:
         if table.skill == REASONING.skill:
             lines.append(("what the recordings determine", _bounds(table, rows)))
@@ -117,9 +120,32 @@ def _bounds(table: Table, rows: dict[str, RowFound]) -> tuple[Entry, ...]:
     return tuple(entries)
 
 
-def provenance(table: Table, results: Results) -> Fold:
-    """Commands, seeds, hashes and versions of every row that was run."""
-    about = results.about.get(table.number, {})
+def several_files(table: Table, files: Sequence[TableFile]) -> Text:
+    """How the files of a table stand on the page, and which rows none of them has."""
+    run = {row.name for file in files for row in file.own}
+    left = [row.words for row in table.rows if row.name not in run]
+    missing = f" **Missing** in all of them: {'; '.join(left)}." if left else ""
+    return Text(
+        f"{len(files)} files have rows of this table; each stands by itself, with the rows that it has.{missing}"
+    )
+
+
+def about_file(file: TableFile) -> Text:
+    """What the rows of a file have in common, where others stand beside it."""
+    objects, profile = file.about.get("assets") or "not told", file.about.get("profile")
+    return Text(f"Objects: {objects}.{f' Profile: {profile}.' if profile else ''}")
+
+
+def strange_rows(files: Sequence[TableFile]) -> list[Block]:
+    """Rows of files that their table does not know, so that nobody looks for them in vain."""
+    told = {file.name: [f"`{name}`" for name in file.rows.keys() - {row.name for row in file.own}] for file in files}
+    lines = [f"{', '.join(sorted(names))} of `{file}`" for file, names in told.items() if names]
+    return [Text(f"Not shown, because this table has no such rows: {'; '.join(lines)}.")] if lines else []
+
+
+def provenance(file: TableFile) -> Fold:
+    """Commands, seeds, hashes and versions of every row of a file."""
+    about = file.about
     machine = _in_a_line(about.get("machine") or {})
     blocks: list[Block] = []
     where = [f"{name}: {value}." for name, value in (("Objects", about.get("assets")), ("Machine", machine)) if value]
@@ -128,10 +154,8 @@ def provenance(table: Table, results: Results) -> Fold:
     if commands := about.get("commands"):
         blocks += [Text("all rows"), Items(tuple(f"`{command}`" for command in commands))]
     seen: dict[tuple[str, ...], str] = {}
-    for row in table.rows:
-        found = results.row(table, row.name)
-        if found is None:
-            continue
+    for row in file.own:
+        found = file.rows[row.name]
         first = seen.setdefault(tuple(found.commands), row.words)
         commands = [f"`{command}`" for command in found.commands]
         if commands and first != row.words:
@@ -169,25 +193,24 @@ def _dataset(origin: dict[str, Any]) -> str:
 def cost_grid(results: Results) -> Grid | None:
     """Time and memory of the trainings, as far as they were measured."""
     lines = []
-    for table, row, found in results.rows():
-        costs = [training["cost"] for training in found.trainings if training["cost"]] if found else []
+    for run in results.rows():
+        costs = [training["cost"] for training in run.found.trainings if training["cost"]] if run.found else []
         if costs:
             minutes = [f"{cost['seconds'] / 60:.1f}" for cost in costs]
             known = [cost["megabytes"] for cost in costs if cost["megabytes"] is not None]
             memory = f"{max(known) / 1000:.1f}" if known else "-"
-            lines.append((f"Table {table.number}, {row.words}", (", ".join(minutes), memory)))
+            lines.append((f"Table {run.table.number}, {run.words}", (", ".join(minutes), memory)))
     return plain_grid(("minutes", "GB at most"), lines, "training") if lines else None
 
 
 def calibration_grid(results: Results) -> Grid | None:
     """How far the probabilities of edges can be believed."""
     lines = []
-    for row in REASONING.rows:
-        found = results.row(REASONING, row.name)
-        told = {} if found is None else found.results
+    for run in (run for row in REASONING.rows for run in results.runs(REASONING, row)):
+        told = run.found.results if run.found else {}
         if any(getattr(one, "brier", None) is not None for one in told.values()):
             cells = [cell for split in REASONING.splits for cell in _calibrated(told.get(split))]
-            lines.append((row.words, tuple(cells)))
+            lines.append((run.words, tuple(cells)))
     groups = tuple((words, 2) for words in REASONING.splits.values())
     return Grid(groups, ("ECE, doubted", "Brier") * len(REASONING.splits), tuple(lines)) if lines else None
 
@@ -203,10 +226,29 @@ def _calibrated(told: InteractResult | ReasonResult | None) -> tuple[Entry, Entr
     return Entry(f"{found.ece_uncertain:.4f}" if enough else NONE.text, f"({found.pairs_uncertain})"), brier
 
 
-def robustness_blocks(told: dict[str, Any] | None, figures: Path) -> list[Block]:
+def by_file(given: Mapping[str, _Told], blocks_of: Callable[[_Told, str], list[Block]]) -> list[Block]:
+    """What each file tells; under the file's name, if there are several.
+
+    Args:
+        blocks_of: of what a file tells; its second argument keeps apart what is drawn of several files.
+    """
+    names = told_apart(given)
+    blocks: list[Block] = []
+    for place, (file, told) in enumerate(given.items()):
+        blocks += [Heading(f"`{names[file]}`", 3)] if len(given) > 1 else []
+        blocks += blocks_of(told, f"-{place}" if place else "")
+    return blocks
+
+
+def robustness_blocks(results: Results, figures: Path) -> list[Block]:
+    """What disturbed recordings cost, as each file tells it."""
+    missing = Text(f"**Missing**: what disturbed recordings cost. `{ROBUSTNESS_RUN}` measures it.")
+    found = by_file(results.robustness, lambda told, suffix: _robustness(told, figures / f"robustness{suffix}.png"))
+    return found or [missing]
+
+
+def _robustness(told: dict[str, Any], figure: Path) -> list[Block]:
     """Quality against the strength of every disturbance as a figure, its numbers, and what is done."""
-    if told is None:
-        return [Text(f"**Missing**: what disturbed recordings cost. `{ROBUSTNESS_RUN}` measures it.")]
     names, disturbances = list(dict.fromkeys((*told["models"], *BASELINES))), told["disturbances"]
     lines = []
     for name, rows in told["rows"].items():
@@ -222,14 +264,12 @@ def robustness_blocks(told: dict[str, Any] | None, figures: Path) -> list[Block]
         f"{told['boards']} boards. Baselines stand with defaults and with the best of several settings, chosen "
         "with the truth. Known: steps that could be predicted in spite of the disturbance."
     )
-    picture = Picture(robustness_figure(figures / "robustness.png", told, figures.parent), caption)
+    picture = Picture(robustness_figure(figure, told, figure.parent.parent), caption)
     return [picture, Text(note), Fold("Numbers, and what is done", (grid, done))]
 
 
-def stage_blocks(stages: Stages | None) -> list[Block]:
+def stage_blocks(stages: Stages) -> list[Block]:
     """Wall time of a pipeline's stages, those of one kind together."""
-    if stages is None:
-        return []
     kinds: dict[str, list[float]] = {}
     for name, stage in stages.stages.items():
         kinds.setdefault("features" if name.endswith(".features") else name.split("/")[0], []).append(stage.seconds)

@@ -4,11 +4,16 @@ Models, graphs that somebody else inferred (`eval reason --graph`), programs tha
 rows alike. Rows about the same boards make a group.
 """
 
-from collections.abc import Iterator, Mapping
+import os
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from busybot.common.text import unlinked
 
 PAPER = "paper"
 AFTER = (10, 22, 30)
@@ -264,7 +269,7 @@ class WorldResults:
     """All that was given, by file.
 
     Attributes:
-        tables: of `benchmarks.tables.worlds`, by file, world and name of the row.
+        tables: of `benchmarks.tables.worlds`, by file, by world in words, by name of the row.
         gates: of `benchmarks.tables.world_gates`, by file, by world and set in words, by name of the model.
         plan_tables: of `benchmarks.tables.world_plans`, by file.
     """
@@ -308,19 +313,20 @@ class WorldResults:
         return True
 
     def groups(self) -> dict[str, list[WorldRow]]:
-        """Rows about the same boards, in the order in which they were given; what recordings determine comes last."""
+        """Rows about the same boards, in the order in which they were given; what recordings determine comes last.
+
+        Where several files have rows of such words, each file's rows stand for themselves.
+        """
         found: dict[str, list[WorldRow]] = {}
         for words, results in self._by_recording().items():
             found[words] = [_row(result) for result in results]
             followed = max(results, key=lambda result: len(result.discovery))
             if followed.parent_f1_bound is not None:
                 found[words].append(_bound_row(followed))
-        for rows in self.tables.values():
-            for world, own in rows.items():
-                found.setdefault(f"{world}: benchmarks.tables.worlds", []).extend(_rows(own))
-        for sets in self.gates.values():
-            for words, models in sets.items():
-                found.setdefault(words, []).extend(_judged_rows(models))
+        for words, rows in _by_file(self.tables):
+            found.setdefault(words, []).extend(_rows(rows))
+        for words, models in _by_file(self.gates):
+            found.setdefault(words, []).extend(_judged_rows(models))
         return found
 
     def _by_recording(self) -> dict[str, list[WorldReason]]:
@@ -350,6 +356,26 @@ class WorldResults:
         yield from self.reason.items()
         yield from self.played.items()
         yield from self.plans.items()
+
+
+def told_apart(files: Collection[str]) -> dict[str, str]:
+    """A name for each file that is as short as can be: its place in the folder that all of them lie in."""
+    folders = [os.path.dirname(os.path.abspath(file)) for file in files]
+    common = os.path.commonpath(folders) if folders else ""
+    return {file: _code(os.path.relpath(os.path.abspath(file), common)) for file in files}
+
+
+def _code(name: str) -> str:
+    """A file's name as it may stand in code: it ends no code, and is no link."""
+    return str(unlinked(Path(name).as_posix())).replace("`", "")
+
+
+def _by_file(given: Mapping[str, Mapping[str, _Found]]) -> Iterator[tuple[str, _Found]]:
+    """What files have under some words; where several have the same words, their files tell them apart."""
+    names, told = told_apart(given), Counter(words for own in given.values() for words in own)
+    for file, own in given.items():
+        for words, one in own.items():
+            yield f"{words}, `{names[file]}`" if told[words] > 1 else words, one
 
 
 def boards_of(result: _OfWorld) -> str:
@@ -413,11 +439,12 @@ def _bound_row(result: WorldReason) -> WorldRow:
 
 
 def _table_rows(value: dict[str, Any]) -> dict[str, dict[str, _TableRow]]:
-    """Rows of all parts but for what was chosen and counted on the way."""
+    """By world in words, rows of all parts but for what was chosen and counted on the way."""
     found: dict[str, dict[str, _TableRow]] = {}
     for world, parts in (_Tables.model_validate(value).rows or {}).items():
         rows = parts.rows | parts.discovery | parts.learned
-        found[world] = {name: _TableRow.model_validate(row) for name, row in rows.items() if "object" in row}
+        own = {name: _TableRow.model_validate(row) for name, row in rows.items() if "object" in row}
+        found[f"{world}: benchmarks.tables.worlds"] = own
     return found
 
 

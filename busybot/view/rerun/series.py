@@ -110,7 +110,8 @@ def relation_states(episode: Episode, frame: int) -> dict[str, int]:
 def log_mechanism_words(recording: rr.RecordingStream, view: MechanismView) -> None:
     """The board's mechanisms in words, for the whole episode. Privileged."""
     lines = [f"- **{markdown_text(who)}** {markdown_text(words)}" for who, words in view.sentences]
-    text = "\n".join([f"World **{markdown_text(view.board.world)}**", "", *lines])
+    left = ["", f"{view.unexplained.capitalize()}."] if view.unexplained else []
+    text = "\n".join([f"World **{markdown_text(view.board.world)}**", "", *lines, *left])
     recording.log("mechanisms", rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 

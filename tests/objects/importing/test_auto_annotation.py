@@ -243,6 +243,34 @@ def test_only_what_goes_away_from_the_camera_is_said_to(
     assert ("opens away" in " ".join(decision.notes)) == away
 
 
+HALF_TURN, QUARTER_TURN = math.pi, math.pi / 2
+
+
+@pytest.mark.parametrize(
+    ("joint", "limits", "steps"),
+    [
+        ("prismatic", (-0.3, 0.5), (0.0, -0.3, 0.5)),
+        ("prismatic", (0.0, 0.8), (0.4, 0.0, 0.8)),
+        ("prismatic", (-0.8, 0.0), (-0.4, -0.8, 0.0)),
+        ("prismatic", (0.2, 0.8), (0.5, 0.2, 0.8)),
+        ("prismatic", (-0.01, 0.8), (0.395, -0.01, 0.8)),
+        ("revolute", (0.0, 1.0), (0.5, 0.0, 1.0)),
+        ("continuous", None, (QUARTER_TURN / 2, 0.0, QUARTER_TURN)),
+        ("revolute", (-HALF_TURN, HALF_TURN), (0.0, -HALF_TURN, QUARTER_TURN)),
+        ("revolute", (-HALF_TURN, 0.0), (-HALF_TURN / 2, -HALF_TURN, 0.0)),
+        ("revolute", (0.0, 7.0), (3 * QUARTER_TURN / 2, 0.0, 3 * QUARTER_TURN)),
+    ],
+)
+def test_no_two_of_a_toys_steps_look_alike(
+    tmp_path: Path, joint: str, limits: tuple[float, float] | None, steps: tuple[float, ...]
+) -> None:
+    bead = Link("bead", ROCKER.box, joint, (0, 1, 0), limits)
+    decision, model = decided(make_raw(tmp_path / "1", "Toy", bead))
+    assert model.effect is not None and model.effect.multi is not None and not decision.questions
+    unit = model.scale if joint == "prismatic" else 1.0
+    assert [value / unit for (value,) in model.effect.multi] == pytest.approx(steps)
+
+
 def test_links_that_are_left_out_are_named(tmp_path: Path) -> None:
     buttons = [
         Link(f"button{k}", ((-0.2, 0.2 * k, -size), (-0.1, 0.2 * k + 0.1, size)), "prismatic", (-1, 0, 0), (0, 0.03))

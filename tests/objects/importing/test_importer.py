@@ -159,12 +159,53 @@ def test_a_stop_at_the_worst_moment_leaves_a_readable_library(
     assert Library.load(out).get("Switch/1").scale == 0.4
 
 
+@pytest.mark.parametrize("after", [False, True], ids=["before", "after"])
+@pytest.mark.parametrize("step", [1, 2, 3, 4])
+def test_a_stop_at_any_step_of_a_move_to_another_category_leaves_a_readable_library(
+    raw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: int, after: bool
+) -> None:
+    """The steps: the list, the old folder, the new one, the list again; in between the library can be read, too."""
+    out, door = tmp_path / "library", given(id1=Choices(category="Door"))
+    put(out, raw / "1", raw / "2")
+    value = json.loads((out / "data.json").read_text())
+    value["Reason"]["Switch"]["train"] += ["1"]  # drawn twice as often
+    write_json(out / "data.json", value)
+    before, done = everything(out), []
+
+    def stopping(real: Callable[..., None]) -> Callable[..., None]:
+        def call(*arguments: Any) -> None:
+            done.append(arguments)
+            Library.load(out)
+            if len(done) == step and not after:
+                raise KeyboardInterrupt
+            real(*arguments)
+            Library.load(out)
+            if len(done) == step:
+                raise KeyboardInterrupt
+
+        return call
+
+    for name, real in (("rename", rename), ("write_json", write_json)):
+        monkeypatch.setattr(importing, name, stopping(real))
+    with pytest.raises(KeyboardInterrupt):
+        put(out, raw / "1", overrides=door, replace=True)
+    monkeypatch.undo()
+    library = Library.load(out)
+    assert set(library.objects) in ({"Switch/1", "Switch/2"}, {"Door/1", "Switch/2"})
+    if "Switch/1" in library.objects:
+        assert everything(out) == before, "nothing is left of what was broken off"
+    assert put(out, raw / "1", overrides=door, replace=True)[0].problem is None
+    library = Library.load(out)
+    assert library.splits["train"] == {"Door/1": 1, "Switch/2": 1} and set(library.objects) == {"Door/1", "Switch/2"}
+    assert "1" not in json.loads((out / "data.json").read_text())["Reason"]["Switch"]["train"]
+
+
 KILLED = """
 import os, pathlib, sys
 from busybot.objects.importing import importer
 from busybot.objects.importing.annotation_edits import Choices, Overrides
 from busybot.objects.importing.importer import import_objects
-real, call = importer.rename, int(sys.argv[3])
+real, call, choices = importer.rename, int(sys.argv[3]), Choices.model_validate_json(sys.argv[4])
 def killing(source, target, root=None):
     global call
     call -= 1
@@ -173,17 +214,27 @@ def killing(source, target, root=None):
     real(source, target, root)
 importer.rename = killing
 raw, out = map(pathlib.Path, sys.argv[1:3])
-list(import_objects([raw], out, Overrides(None, {raw.name: Choices(scale=0.4)}, {}), replace=True))
+list(import_objects([raw], out, Overrides(None, {raw.name: choices}, {}), replace=True))
 """
 
 
+def kill(raw: Path, out: Path, call: int, choices: Choices) -> None:
+    """Import with --replace, and die before this call of `rename`."""
+    command = [sys.executable, "-c", KILLED, raw, out, str(call), choices.model_dump_json(exclude_unset=True)]
+    assert subprocess.run(command).returncode == -9
+
+
 @pytest.mark.parametrize("call", [1, 2])
-def test_what_a_killed_import_left_is_put_back_and_removed(raw: Path, tmp_path: Path, call: int) -> None:
+@pytest.mark.parametrize("choices", [Choices(scale=0.4), Choices(category="Door")], ids=["same", "moved"])
+def test_what_a_killed_import_left_is_put_back_and_removed(
+    raw: Path, tmp_path: Path, call: int, choices: Choices
+) -> None:
     """Also by an import of something else; what another running import is making stays."""
     out = tmp_path / "library"
     put(out, raw / "1", raw / "2")
     before = everything(out)
-    assert subprocess.run([sys.executable, "-c", KILLED, raw / "1", out, str(call)]).returncode == -9
+    kill(raw / "1", out, call, choices)
+    assert set(Library.load(out).objects) >= {"Switch/2"}, "it can be read before anything is put back"
     assert len(list(out.glob(".import-*"))) == 1
     with unfinished(out, "import") as running:
         assert put(out, raw / "2")[0].done == "unchanged"

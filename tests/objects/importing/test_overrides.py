@@ -57,6 +57,10 @@ FAULTS = {
         "objects:\n  '1':\n    effect: {type: joint, joints: [a, b], states: [[0], [1]]}\n",
         "line 3: objects.1.effect: every state",
     ),
+    "equal steps": (
+        "objects:\n  '1':\n    effect: {type: joint, joints: [a, b], steps: [[0, 0], [0, 1], [0, 0]]}\n",
+        "line 3: objects.1.effect: steps 0 and 2 are equal",
+    ),
     "no objects": ("boxes: {}\n", "line 1"),
     "another key": ("objects: {}\nmore: 1\n", "objects"),
     "a list": ("- 1\n", "objects"),

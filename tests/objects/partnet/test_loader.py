@@ -107,6 +107,10 @@ def annotate(**changes: object) -> Damage:
     return damage
 
 
+def effect(entry: object) -> Damage:
+    return annotate(Category="Toy", Cause=[], Movable_link={}, Effect=[entry])
+
+
 def append(name: str, text: str) -> Damage:
     return lambda folder: (folder / name).write_text((folder / name).read_text() + text)
 
@@ -145,6 +149,9 @@ def many_vertices(folder: Path) -> None:
 BOMB = b'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;">]><robot name="&b;"></robot>'
 CAUSE = [{"JointId": 1, "IsSmallCause": 1, "IsLargeCause": 0}]
 COLOR = {"Type": "link", "LinkId": 1, "IsSingleEffect": 1, "IsMultiEffect": 0, "States": [[0, 0, 0], [1, 0, 2]]}
+SWATCHES = {"Type": "link", "LinkId": 1, "IsSingleEffect": 1, "IsMultiEffect": 1}
+STATES, STEPS = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]]
+TURNS = {"Type": "joint", "JointId": 1, "IsSingleEffect": 0, "IsMultiEffect": 1, "Steps": [[0], [0], [0.7]]}
 CYCLE = (
     '<link name="a"/><link name="b"/>'
     '<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>'
@@ -176,6 +183,12 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "joint number negative": (annotate(Cause=[CAUSE[0] | {"JointId": -1}]), "JointId"),
     "link that no cause moves": (annotate(Movable_link={"link_0": {}, "link_7": {}}), "link_7"),
     "colour above 1": (annotate(Cause=[], Effect=[COLOR]), "colour"),
+    "equal steps of a joint": (effect(TURNS), "Steps 0 and 1 are equal"),
+    "equal steps of a colour but for the alpha": (
+        effect(SWATCHES | {"States": STATES, "Steps": [*STEPS[:2], [0, 0, 0, 0.5]]}),
+        "Steps 0 and 2 are equal",
+    ),
+    "equal states": (effect(SWATCHES | {"States": [[1, 0, 0]] * 2, "Steps": STEPS}), "States 0 and 1 are equal"),
     "no URDF": (lambda folder: (folder / "mobility.urdf").unlink(), "mobility.urdf"),
     "URDF is cut off": (replace("mobility.urdf", b"<robot><link"), "not valid XML"),
     "URDF with an unknown encoding": (
@@ -252,6 +265,12 @@ def test_damage_is_refused_by_name(name: str, thing: Path) -> None:
     assert hint in caught.value.what
     assert str(thing.name) in caught.value.what, "the message names the place"
     assert caught.value.hint, "the message says what to do"
+
+
+def test_equal_values_that_nobody_uses_are_fine(thing: Path) -> None:
+    effect(SWATCHES | {"States": STATES, "IsMultiEffect": 0, "Steps": [STEPS[0]] * 3})(thing)
+    found = load_object(thing).effect
+    assert found is not None and found.multi is None and found.single == ((0, 0, 0), (1, 0, 0))
 
 
 def test_a_small_texture_is_fine(thing: Path) -> None:

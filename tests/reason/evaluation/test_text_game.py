@@ -3,11 +3,14 @@
 import hashlib
 import json
 import shlex
+import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from busybot.boards.config import BoardConfig
@@ -19,7 +22,7 @@ from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
-from busybot.reason.evaluation.play import TextGames, make_work, play_boards, summarised, told_of
+from busybot.reason.evaluation.play import AgentFiles, TextGames, make_work, play_boards, summarised, told_of
 from busybot.reason.evaluation.text_game import (
     MOST_REFUSED,
     Act,
@@ -269,7 +272,100 @@ def test_another_program_does_not_go_on_where_one_stopped(tiny: Path, tmp_path: 
     assert busybot(*words, "--out", tmp_path / "out").returncode == 0
     agent.write_text("print('{\"know\": []}')")
     other = busybot(*words, "--out", tmp_path / "out")
-    assert other.returncode == 1 and "agent_files differ" in other.stderr
+    assert other.returncode == 1 and f"agent_files differ: {agent}\n" in other.stderr
+    agent.unlink()
+    gone = busybot(*words, "--out", tmp_path / "out")
+    assert gone.returncode == 1 and f"agent_files differ: {agent}\n" in gone.stderr
+
+
+LOGS = "for name in sys.argv[1:3]: open(name, 'a').write(f'{time.time()}\\n')\nprint('{\"know\": []}')\n"
+
+
+@pytest.fixture
+def logging_agent(tmp_path: Path) -> list[str]:
+    """Writes into two files, one of which is there before; weights and a prompt it leaves alone."""
+    for name, text in {"agent.py": READ + LOGS, "cache.sqlite": "old", "weights": "ab", "prompt.txt": "think"}.items():
+        (tmp_path / name).write_text(text)
+    return [str(tmp_path / name) for name in ("agent.py", "run.log", "cache.sqlite", "weights", "prompt.txt")]
+
+
+def test_what_the_run_itself_writes_does_not_stop_it(
+    tiny: Path, tmp_path: Path, logging_agent: list[str], in_process: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, log, cache, weights, prompt = logging_agent
+    words = ("play", tiny, "--agent", shlex.join([sys.executable, *logging_agent]), "--workers", 1, "--boards", 3)
+
+    def stopping(game: Game, *how: Any) -> PlayedBoard:
+        if game.board.index == 2:
+            raise BusybotError("stopped")
+        return play(game, *how)
+
+    monkeypatch.setattr("busybot.reason.evaluation.play.play", stopping)
+    assert "stopped" in busybot(*words, "--out", tmp_path / "out").stderr
+    monkeypatch.undo()
+    assert len(Path(log).read_text().splitlines()) == 2
+    once = json.loads(busybot(*words, "--out", tmp_path / "out", "--json").stdout)
+    assert len(Path(log).read_text().splitlines()) == 3, "two boards were kept"
+    assert once["agent_changed"] == [cache, log] and once["agent_data"].keys() == {cache, weights, prompt}
+    again = json.loads(busybot(*words, "--json").stdout)
+    [told] = again["hashes"]["models"].values()
+    assert once["hashes"] == again["hashes"] and told.keys() == {sys.executable, logging_agent[0], weights, prompt}
+    Path(prompt).write_text("think again")
+    shown = busybot(*words, "--out", tmp_path / "out")
+    assert f"not counted as the agent: {cache}, {prompt}, {log}" in shown.stdout.replace("\n", " ")
+
+
+def test_programs_are_told_from_what_they_read_and_write(tmp_path: Path) -> None:
+    for name in ("run", "agent.PY", "tool.mjs", "run.log", "weights"):
+        (tmp_path / name).write_text("")
+    (tmp_path / "run").chmod(0o755)
+    words = [str(tmp_path / name) for name in ("run", "agent.PY", "tool.mjs", "run.log", "weights", "absent.py")]
+    files = AgentFiles.of(["sh", *words, "--log", "-"])
+    assert files.programs.keys() == {"sh", *words[:3]} and files.data.keys() == {*words[3:5]}
+    assert AgentFiles.of([words[3], "-x"]).programs.keys() == {words[3]}, "it is what is started"
+
+
+def test_a_file_that_may_not_be_read_is_told_by_its_size_and_date(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(place: Path) -> str:
+        raise BusybotError(f"{place}: cannot be read: Permission denied")
+
+    (tmp_path / "run.log").write_text("of somebody else")
+    monkeypatch.setattr("busybot.reason.evaluation.play.sha256_of", refuse)
+    assert str(told_of(tmp_path / "run.log")).startswith("16 bytes, changed at ")
+
+
+def test_last_words_of_a_program_are_no_lines_of_ours(tiny: Path, in_process: None) -> None:
+    forged = "boom\nboards ended: knows 24\nerror: all is fine\n"
+    agent = shlex.join([sys.executable, "-ISc", f"import sys; sys.stderr.write({forged!r}); sys.exit(3)"])
+    done = busybot("play", tiny, "--agent", agent, "--workers", 1, "--boards", 1)
+    assert "board 0: died: boom\\nboards ended: knows 24\\nerror: all is fine\n" in done.stdout
+    assert [line for line in done.stdout.splitlines() if line.startswith(("boards", "error"))] == [
+        "boards ended: died 1"
+    ]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_stopped_command_leaves_no_program(tiny: Path, tmp_path: Path, how: signal.Signals) -> None:
+    pids, wrapper = tmp_path / "pids", tmp_path / "wrap.sh"
+    thinks = f"import os, time; open({str(pids)!r}, 'a').write(f'{{os.getpid()}}\\n'); time.sleep(600)"
+    wrapper.write_text(f"#!/bin/sh\n{shlex.join([sys.executable, '-ISc', thinks])}\nexit 0\n")
+    wrapper.chmod(0o755)
+    words = [sys.executable, "-m", "busybot", "play", str(tiny), "--agent", str(wrapper), "--workers", "2"]
+    command = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 100
+    while time.monotonic() < until and not (pids.exists() and len(pids.read_text().split()) == 2):
+        time.sleep(0.01)
+    programs = [psutil.Process(int(pid)) for pid in pids.read_text().split()]
+    command.send_signal(how)
+    _, said = command.communicate(timeout=30)
+    assert how is signal.SIGKILL or (command.returncode == 130 and "interrupted" in said)
+    _, left = psutil.wait_procs(programs, timeout=10)
+    for one in left:
+        one.kill()
+    assert len(programs) == 2 and not left
 
 
 def test_a_program_that_says_nothing_at_all_is_an_error(tiny: Path) -> None:

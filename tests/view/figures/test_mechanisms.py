@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,13 +12,14 @@ import pytest
 from busybot.boards.worlds import WORLDS
 from busybot.episodes.episode import Episode, Link
 from busybot.view.figures.episode import _otherwise, episode_figure
-from busybot.view.figures.mechanisms import LETTERS, _layout, _shades, mechanism_figure
+from busybot.view.figures.mechanisms import LETTERS, _lanes, _layout, _shades, mechanism_figure
 from busybot.view.label_places import label_boxes
-from busybot.view.mechanisms import MechanismView
+from busybot.view.mechanisms import MechanismView, mechanism_view
 from busybot.view.palette import ACTION, FACTORS, WRONG
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode, make_real_episode
 from tests.view.figures.test_episode import has
+from tests.view.world_episodes import contradicted, large_episodes
 
 Objects = Callable[[int], Path]
 
@@ -91,10 +93,70 @@ def test_recordings_that_know_little_are_drawn_too(few_objects: Objects, tmp_pat
 
 
 @pytest.mark.long
+def test_a_board_of_many_links_shows_its_causes_in_its_kinds_colours(few_objects: Objects, tmp_path: Path) -> None:
+    (episode,) = large_episodes(few_objects(0), "chance", 1)
+    picture, view = drawn(tmp_path / "f.png", episode), MechanismView(episode)
+    assert has(picture, FACTORS["chance"]) and "chance" in {factor.kind for factor in view.factors(0)}
+    assert view.changes
+
+
+@pytest.fixture
+def caption(monkeypatch: pytest.MonkeyPatch) -> Callable[[Episode], str]:
+    """What stands below the lanes of an episode's figure."""
+    kept: list[Any] = []
+    monkeypatch.setattr("busybot.view.figures.parts.save_png", lambda figure, path: kept.append(figure))
+
+    def words(episode: Episode) -> str:
+        mechanism_figure(Path(), episode)
+        return kept.pop().axes[-1].get_xlabel()
+
+    return words
+
+
+@pytest.mark.parametrize("world", ["gates", "time", "chance", "lock", "rewired"])
+def test_only_marks_that_are_there_are_explained(
+    world: str, few_objects: Objects, caption: Callable[[Episode], str]
+) -> None:
+    for board in world_boards(few_objects(0), world, 2):
+        view = MechanismView(make_world_episode(board, library_at(few_objects(0))))
+        words, alone = caption(view.episode), [one for one in view.changes if one.cause is None]
+        assert ("arrows" in words) == any(one.cause is not None for one in view.changes)
+        assert ("pink" in words) == any(one.late for one in view.changes)
+        assert ("diamonds" in words) == bool(alone) and ("red" in words) == any(one.rewired for one in alone)
+        assert ("by itself" in words) == any(not one.rewired for one in alone)
+        assert ("crosses" in words) == bool(view.held) and "not known" not in words
+        assert ("green" in words) == (2 in [state for _, _, states in _lanes(view) for state in states])
+
+
+def test_what_is_not_known_is_said_and_has_no_marks(few_objects: Objects, caption: Callable[[Episode], str]) -> None:
+    for world, held in (("chance", ""), ("lock", ", and when locks hold links,")):
+        words = caption(contradicted(episode_of(few_objects(0), world)))
+        assert words.endswith(f"; what changes go back to{held} is not known here")
+        assert not any(mark in words for mark in ("arrows", "diamonds", "crosses"))
+
+
+@pytest.mark.long
+def test_what_is_not_known_has_its_kinds_colours(few_objects: Objects, tmp_path: Path) -> None:
+    assert has(drawn(tmp_path / "f.png", contradicted(episode_of(few_objects(0), "chance"))), FACTORS["chance"])
+
+
+@pytest.mark.long
 def test_the_strip_of_steps_says_what_came_late_or_by_itself(few_objects: Objects, tmp_path: Path) -> None:
     for world, word, count in (("time", " (step ", 4), ("chance", " (by itself)", 4), ("rewired", " (rewired)", 12)):
         boards = world_boards(few_objects(0), world, count)
         episodes = [make_world_episode(board, library_at(few_objects(0))) for board in boards]
-        assert any(word in told for episode in episodes for told in _otherwise(episode).values()), world
+        assert any(word in told for episode in episodes for told in _otherwise(mechanism_view(episode)).values()), world
         assert episode_figure(tmp_path / f"{world}.png", episodes[0]).stat().st_size > 10_000
-    assert _otherwise(make_episode()) == {}
+    assert _otherwise(mechanism_view(make_episode())) == {}
+
+
+def test_the_strip_of_steps_says_where_the_causes_are_not_known(
+    few_objects: Objects, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept: list[Any] = []
+    monkeypatch.setattr("busybot.view.figures.parts.save_png", lambda figure, path: kept.append(figure))
+    episode = episode_of(few_objects(0), "chance")
+    for one in (episode, contradicted(episode), make_episode()):
+        episode_figure(Path(), one)
+    told = [figure.axes[0].get_title(loc="right") for figure in kept]
+    assert ["not known" in words for words in told] == [False, True, False]

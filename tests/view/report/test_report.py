@@ -230,6 +230,121 @@ def test_a_report_in_a_folder_of_results_does_not_show_its_own_pictures(tmp_path
     assert told[0] == told[1] and told[0].count("given-") == 1
 
 
+def planned(folder: Path, one_to_one: float, agents: tuple[str, ...] = ("search",), **about: Any) -> Path:
+    """A file of Table 3 whose agents all reach as much on training objects."""
+    rows = {agent: {"splits": {"train": {"one-to-one": {"success": one_to_one}}}} for agent in agents}
+    return write(folder / "table3.json", {"kind": "table3", "rows": rows, **about})
+
+
+def told_of(text: str, name: str) -> str:
+    """The part of a page about a file of a table."""
+    return text.split(f"\n### `{name}`\n")[1].split("\n### ")[0].split("\n## ")[0]
+
+
+def without_files(done: Report) -> str:
+    return done.markdown.read_text().split("## Files")[0]
+
+
+def test_files_of_one_table_stand_apart_whatever_their_order(tmp_path: Path) -> None:
+    paper = planned(tmp_path / "all", 0.995, ("search", "noop"), assets="partnet-mobility", machine={"cores": 64})
+    laptop = planned(tmp_path / "all/laptop", 0.9, assets="procedural", profile="laptop", commands=["busybot x"])
+    done = write_report([paper, laptop], tmp_path / "a")
+    text = without_files(done)
+    assert without_files(write_report([laptop, paper], tmp_path / "b")) == text
+    assert without_files(write_report([tmp_path / "all"], tmp_path / "c")) == text
+    first, second = told_of(text, "table3.json"), told_of(text, "laptop/table3.json")
+    assert "| **search over learned effects** | 99.5 ✓ | missing" in first and "| doing nothing | 99.5 |" in first
+    assert first.startswith("\nObjects: partnet-mobility.\n") and "cores 64" in first and "busybot x" not in first
+    assert "| **search over learned effects** | 90.0 ✗ | missing" in second and "| doing nothing |" not in second
+    assert second.startswith("\nObjects: procedural. Profile: laptop.\n") and "busybot x" in second
+    assert "**Missing** in all of them: BusyBot: relations and prediction; " in text and "cores 64" not in second
+    named = text.split("## Gates that are missed")[1].split("\n## ")[0]
+    assert "search over learned effects**, `laptop/table3.json`, training objects: 1-1 | 90.0 ✗ | 99 " in named
+    assert (
+        "**Procedural objects** of `laptop/table3.json`: the gates" in named and "`table3.json`, training" not in named
+    )
+    assert [path.name for path in done.figures] == ["table3.png", "table3-1.png"]
+
+
+def test_a_gate_that_one_file_misses_is_missed(tmp_path: Path) -> None:
+    files = [planned(tmp_path / name, share) for name, share in (("a", 0.995), ("b", 0.9))]
+    done = write_report(files, tmp_path / "out")
+    assert (done.count(True), done.count(False), done.count(None)) == (0, 1, GATES - 1)
+    assert "- **1** gates missed" in done.markdown.read_text() and "- **1 / 44** rows" in done.markdown.read_text()
+    assert [one.file for one in done.verdicts if one.reached is not None] == ["a/table3.json", "b/table3.json"]
+
+
+@pytest.mark.parametrize("first", ["trial", "real"])
+def test_a_trial_among_other_results_warns_of_its_own_rows_alone(tmp_path: Path, first: str) -> None:
+    trial = planned(tmp_path / "trial", 0.123, ("search", "bc"), assets="procedural", profile="smoke")
+    real = planned(tmp_path / "real", 0.995, ("search", "noop"), assets="partnet-mobility")
+    done = write_report(sorted([trial, real], key=lambda file: file.parent.name != first), tmp_path / "out")
+    text = without_files(done)
+    own, others = told_of(text, "trial/table3.json"), told_of(text, "real/table3.json")
+    assert text.index("**Some numbers mean nothing**: those of `trial/table3.json`, ") < text.index(
+        "A gate is the least"
+    )
+    assert "**These numbers mean nothing.**" in own and text.count("These numbers mean nothing") == 1
+    assert "Objects: procedural. Profile: smoke." in own and "| **search over learned effects** | 12.3 | missing" in own
+    assert "| **search over learned effects** | 99.5 ✓ | missing" in others and "12.3" not in others
+    assert text.count("12.3") == 2, "with behaviour cloning in its own table and nowhere else"
+    assert (done.count(True), done.count(False)) == (1, 0) and "Procedural objects" not in text
+    assert "behaviour cloning" in text.split("Table 3, **missing**")[1].splitlines()[0]
+    assert "mean nothing" in done.html.read_text() and [path.name for path in done.figures] == ["table3.png"]
+
+
+def test_trials_beside_single_evaluations_do_not_speak_for_these(tmp_path: Path) -> None:
+    trial, single = planned(tmp_path, 0.123, profile="smoke"), write(tmp_path / "one.json", reasoned())
+    text = write_report([trial, single], tmp_path / "out").markdown.read_text()
+    assert "**Some numbers mean nothing**: those of `table3.json`" in text and "| R | 98.5 |" in text
+    assert text.split("## Table 3")[1].count("These numbers mean nothing") == 1 == text.count("These numbers mean")
+    alone = write_report([trial], tmp_path / "alone").markdown.read_text()
+    assert alone.index("**These numbers mean nothing.**") < 40 and "Some numbers" not in alone
+
+
+def test_rows_that_a_table_does_not_know_are_named(tmp_path: Path) -> None:
+    strange = planned(tmp_path / "b", 0.5, ("somebody",), assets="procedural")
+    line = "Not shown, because this table has no such rows: `somebody` of `{}`."
+    alone = write_report([strange], tmp_path / "alone").markdown.read_text()
+    assert line.format("table3.json") in alone and "**Missing**: none of its rows was given" in alone
+    text = write_report([planned(tmp_path / "a", 0.9), strange], tmp_path / "out").markdown.read_text()
+    assert line.format("b/table3.json") in text and "\n### `" not in text and "Procedural objects" not in text
+
+
+def test_several_files_of_anything_else_are_all_shown(tmp_path: Path) -> None:
+    for name, share in (("a", 0.7), ("b", 0.2)):
+        told = disturbed()
+        told["rows"]["patch"][0]["models"]["event"] = {"edge_f1": share, "pred_a": share}
+        write(tmp_path / name / "r.json", told)
+        stages = {"data/train": {"seconds": 6000 * share, "done": True}}
+        write(tmp_path / name / "stages.json", {"kind": "stages", "stages": stages})
+    done = write_report([tmp_path / "a", tmp_path / "b"], tmp_path / "out")
+    text = done.markdown.read_text()
+    for name, share in (("a", "70.0"), ("b", "20.0")):
+        assert f"| hidden, 10 % of frames | {share} | {share} | " in told_of(text, f"{name}/r.json")
+        assert f"| `data` | 1 | {share} |" in told_of(text, f"{name}/stages.json")
+    assert [path.name for path in done.figures] == ["robustness.png", "robustness-1.png"]
+
+
+def test_a_row_of_two_files_is_told_apart_in_every_part(tmp_path: Path) -> None:
+    for name, share in (("a", 0.9), ("b", 0.8)):
+        write(tmp_path / name / "table2.json", table2(reasoned(pred_a=share)))
+    text = write_report([tmp_path / "a", tmp_path / "b"], tmp_path / "out").markdown.read_text()
+    for part in ("Calibration", "Cost"):
+        told = text.split(f"## {part}\n")[1].split("\n## ")[0]
+        assert "**`event`**, `a/table2.json` |" in told and "**`event`**, `b/table2.json` |" in told
+    courses = read_results([tmp_path / "a", tmp_path / "b"]).rows()
+    assert [run.file for run in courses if run.found] == ["a/table2.json", "b/table2.json"]
+
+
+def test_the_name_of_a_file_is_no_markup(tmp_path: Path) -> None:
+    evil = "`[x](#files)<b>"
+    done = write_report([planned(tmp_path / evil, 0.9), planned(tmp_path / "b", 0.8)], tmp_path / "out")
+    text, page = done.markdown.read_text(), done.html.read_text()
+    assert "`[x] (#files)<b>/table3.json`" in text and "[x](#files)" not in text, "code ends where it is to end"
+    assert ">x</a>" not in page and "<b>/table3" not in page
+
+
 @pytest.mark.long
 def test_planning_has_its_place(tmp_path: Path) -> None:
     kinds = {"one-to-one": {"success": 0.99, "interval": [0.98, 1.0]}, "one-to-many": {"success": 0.9}}

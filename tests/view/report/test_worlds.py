@@ -199,6 +199,26 @@ def test_the_frozen_sets_and_plans_of_all_worlds_are_shown(tmp_path: Path) -> No
     assert f"| mechanism | {100 * plan['success']:.1f} | {100 * plan['solved']:.1f} |" in of_time
 
 
+def test_rows_of_one_set_in_two_files_are_told_apart(tmp_path: Path) -> None:
+    for name, f1 in (("a", 0.5), ("b", 0.75)):
+        gate = {"boards": 3, "after": {"22": {"parent_f1": f1, "link_parent_f1": f1}}}
+        table = {"learned": {"mechanism": {"boards": 3, "object": {"22": {"f1": f1}}}}}
+        (tmp_path / f"{name}-g.json").write_text(
+            json.dumps({"kind": "world-gates", "rows": {"gates": {"novel-object": {"mechanism": gate}}}})
+        )
+        (tmp_path / f"{name}-t.json").write_text(json.dumps({"kind": "worlds", "rows": {"time": table}}))
+    groups = read_results([tmp_path]).worlds.groups()
+    sets = {"g": "gates: novel-object, frozen", "t": "time: benchmarks.tables.worlds"}
+    for kind, words in sets.items():
+        for name, f1 in (("a", 0.5), ("b", 0.75)):
+            own = groups[f"{words}, `{name}-{kind}.json`"]
+            assert [row.objects[22][2] for row in own if row.name == "mechanism"] == [f1]
+    assert len(groups) == 4
+    (tmp_path / "b-g.json").unlink()
+    assert sets["g"] in read_results([tmp_path]).worlds.groups(), "one file needs no name"
+    assert "mechanism" in report(tmp_path)
+
+
 def test_regret_stands_with_the_actions_that_it_took(tmp_path: Path) -> None:
     done = write_report([RESULTS / "curiosity.json"], tmp_path / "report").markdown.read_text()
     told = json.loads((RESULTS / "curiosity.json").read_text())["rows"]["gates"]["greedy"]["curious"]

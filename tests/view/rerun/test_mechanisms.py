@@ -14,6 +14,7 @@ from busybot.view.rerun.series import cause_lanes, curve_names
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode
 from tests.view.rerun.test_recording import entities, rows, saved
+from tests.view.world_episodes import contradicted
 
 Objects = Callable[[int], Path]
 
@@ -49,6 +50,16 @@ def test_words_lanes_and_the_log_say_what_each_change_goes_back_to(
     told = [row["TextLog:text"][0] for row in rows(path, "/log/causes")]
     assert sum("changed: " in words for words in told) == len(view.changes)
     assert not [name for name in entities(path) if name.startswith("/states/")]
+
+
+def test_the_words_say_where_the_causes_are_not_known(few_objects: Objects, tmp_path: Path) -> None:
+    view, said = (
+        view_of(few_objects(0), "lock"),
+        "What changes go back to, and when locks hold links, is not known here.",
+    )
+    for episode, known in ((view.episode, True), (contradicted(view.episode), False)):
+        (words,) = rows(saved(tmp_path / f"{known}.rrd", episode), "/mechanisms")
+        assert (said in words["TextDocument:text"][0]) == (not known)
 
 
 def test_a_lane_tells_state_and_cause(few_objects: Objects) -> None:

@@ -18,7 +18,8 @@ from busybot.common.process_pool import run_tasks
 WRAPPER = ("/bin/sh", "-c", 'sleep 600 & echo "$$ $!"; wait')
 """Starts another program, as `uv run` and `npx` do, and tells the numbers of both."""
 ASKER = f"""
-import time
+import signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in the background of a script
 from busybot.common.line_child import Child
 print(Child({WRAPPER}, 60).ask({{}}).decode(), flush=True)
 time.sleep(600)

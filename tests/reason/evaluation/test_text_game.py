@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -354,7 +355,9 @@ def test_a_stopped_command_leaves_no_program(tiny: Path, tmp_path: Path, how: si
     wrapper.write_text(f"#!/bin/sh\n{shlex.join([sys.executable, '-ISc', thinks])}\nexit 0\n")
     wrapper.chmod(0o755)
     words = [sys.executable, "-m", "busybot", "play", str(tiny), "--agent", str(wrapper), "--workers", "2"]
-    command = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # ignored where tests run in a script's background
+    null, pipe = subprocess.DEVNULL, subprocess.PIPE
+    command = subprocess.Popen(words, stdout=null, stderr=pipe, text=True, preexec_fn=heard)
     until = time.monotonic() + 100
     while time.monotonic() < until and not (pids.exists() and len(pids.read_text().split()) == 2):
         time.sleep(0.01)

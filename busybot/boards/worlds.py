@@ -152,8 +152,9 @@ def world_named(name: str, novel: bool = False) -> World:
     if least > MOST_INPUTS:
         what = f"the mechanism {name!r} has at least {least} inputs, and of drawn ones none has more than {MOST_INPUTS}"
         raise BusybotError(what, "write boards with it by hand, or let it have fewer")
-    counts = [count for count in range(max(least, 1), min(most, MOST_INPUTS) + 1) if _is_drawn(kind, count, novel)]
-    if not counts and not any(_is_drawn(kind, count, not novel) for count in range(max(least, 1), MOST_INPUTS + 1)):
+    possible = range(max(least, 1), min(most, MOST_INPUTS) + 1)
+    counts = [count for count in possible if _is_drawn(kind, count, novel)]
+    if not counts and not any(_is_drawn(kind, count, not novel) for count in possible):
         raise BusybotError(f"the mechanism {name!r} draws none of itself", "let its `draw` return one for some sizes")
     if not counts:
         split = f"the split {NOVEL!r} has" if novel else f"only the split {NOVEL!r} has"

@@ -83,7 +83,8 @@ class ObjectModel:
             object can show (the annotated boxes are mirrored or too small on many objects).
         offset_z: height of the object's origin above the board, after scaling.
         trigger_links: movable links; empty for responders.
-        directions: annotated effective directions in the board frame (not normalised); strict mode only.
+        directions: annotated effective directions in the board frame of an object that is not turned (not normalised);
+            strict mode only.
         effect: what a responder shows; None for triggers.
         folder: where the files are; `urdf` is inside it.
         sha256: hash over the folder's relative file names and bytes.

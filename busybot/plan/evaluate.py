@@ -99,6 +99,7 @@ def trained_elsewhere(evaluation: PlanEvaluation) -> list[str]:
     """Sentences about trained agents that learned among the candidates of another interaction model."""
     told, here = [], fingerprint(evaluation.policy_model)
     for name, _, path in (agent.partition("=") for agent in evaluation.agents):
+        kind_of(f"{name}={path}" if path else name)  # or it says what is missing
         if kind := next((one for one in TRAINED if one == name), None):
             known = load_policy(path, kind)[0].training.get("model")
             if isinstance(known, dict) and known.get("sha256") != here["sha256"]:

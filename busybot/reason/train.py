@@ -157,6 +157,10 @@ def like(config: Config, model: Path) -> Config:
     if (card.model, card.encoder) != (config.model, config.encoder):
         what = f"{model}: a model `{card.model}` that reads `{card.encoder}`, and `{config.model}` is trained"
         raise UsageError(f"{what} that reads `{config.encoder}`", "begin with one of the same kind")
+    taught = card.training.get("labels", LABELS["parents"])
+    if isinstance(config, MechanismConfig) and config.labels == "pictures" and taught != LABELS["pictures"]:
+        what = f"{model}: it was taught by {taught}, and this training is to have no labels"
+        raise UsageError(what, "begin with a model that was trained with labels=pictures, or train with labels=parents")
     part = "network" if isinstance(config, PaperReasonConfig) else "net"
     try:
         theirs = getattr(type(config).model_validate(card.config), part)

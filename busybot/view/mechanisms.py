@@ -313,7 +313,7 @@ def _choices(
     rows = [*recorded, drawn, board.task.goal if board.task else ()]
     choices = {}
     for number, name in enumerate(names):
-        least = max(LINK_STATES[0], *(row[number] + 1 for row in rows if number < len(row)))
+        least = max((LINK_STATES[0], *(row[number] + 1 for row in rows if number < len(row))))
         choices[name] = [size for size in LINK_STATES if size >= least] or [least]
     before: list[int] = []
     while before != (before := [len(own) for own in choices.values()]):

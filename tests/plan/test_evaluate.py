@@ -298,3 +298,5 @@ def test_an_agent_that_learned_among_other_candidates_is_told_of(tmp_path: Path)
         found = trained_elsewhere(evaluation)
         assert len(found) == (name == "other"), name
     assert not trained_elsewhere(replace(evaluation, agents=("noop",)))
+    with pytest.raises(BusybotError, match="plays a trained policy, none was named"):
+        trained_elsewhere(replace(evaluation, agents=("noop", "bc")))

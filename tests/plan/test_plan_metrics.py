@@ -132,3 +132,8 @@ def test_in_the_interval_over_objects_every_task_counts_alike() -> None:
     row = summarise([*alone, *many], ["a"], rng())["agents"]["a"]
     assert row["success"] == 0.25 and row["micro"] == pytest.approx(100 / 130)
     assert row["object_interval"][0] < 0.25 < row["object_interval"][1] < 0.5 < row["micro_intervals"]["objects"][0]
+
+
+def test_where_nothing_can_be_affected_nothing_is_missed() -> None:
+    idle = rollout("noop")
+    assert idle.solved and idle.success == 1.0

@@ -25,7 +25,7 @@ from busybot.common.config import check_tokens, yaml_fault
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.text import one_line
-from busybot.objects.partnet.annotation import Number, Value, Vector3, refuse_equal
+from busybot.objects.partnet.annotation import Number, Value, Vector3, equal_values
 from busybot.objects.partnet.urdf import Urdf
 
 Kind = Literal["two-state", "multi-direction"]
@@ -58,8 +58,8 @@ class EffectChoice(FrozenModel):
         width = 3 if self.type == "color" else len(self.joints)
         if any(len(value) != width for value in (*(self.states or ()), *(self.steps or ()))):
             raise ValueError(f"every state and step needs {width} numbers")
-        refuse_equal("states", self.states or ())
-        refuse_equal("steps", self.steps or ())
+        if alike := equal_values("states", self.states or ()) or equal_values("steps", self.steps or ()):
+            raise ValueError(alike)
         return self
 
 
@@ -72,7 +72,7 @@ class Choices(FrozenModel):
         scale: object units to board units.
         orientation: upright pose, quaternion (x, y, z, w); afterwards z points to the camera.
         links: a trigger's movable links and their kinds.
-        directions: effective directions of a trigger, board frame; strict mode only.
+        directions: effective directions of a trigger that is not turned, board frame; strict mode only.
         effect: what a responder shows.
     """
 

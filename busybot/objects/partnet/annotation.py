@@ -29,11 +29,10 @@ Id = Annotated[int, Field(ge=0, le=255, strict=True)]
 Value = Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)]
 
 
-def refuse_equal(name: str, values: Sequence[tuple[float, ...]]) -> None:
-    """Refuse states or steps of an effect, colours or joint positions, of which two look alike."""
-    for place, value in enumerate(values):
-        if value in values[:place]:
-            raise ValueError(f"{name} {values.index(value)} and {place} are equal: nobody could tell them apart")
+def equal_values(name: str, values: Sequence[tuple[float, ...]]) -> str | None:
+    """What is wrong with states or steps of an effect, colours or joint positions, of which two look alike."""
+    places = ((values.index(value), place) for place, value in enumerate(values) if value in values[:place])
+    return next((f"{name} {one} and {other} are equal: nobody could tell them apart" for one, other in places), None)
 
 
 class _Part(BaseModel):
@@ -88,9 +87,6 @@ class EffectEntry(_Part):
                 raise ValueError(f"a state has {len(value)} values for {len(self.joint_ids)} joints")
             if self.Type == "link" and (len(value) not in (3, 4) or not all(0 <= channel <= 1 for channel in value)):
                 raise ValueError("a colour must be 3 or 4 numbers between 0 and 1")
-        channels = 3 if self.Type == "link" else None
-        refuse_equal("States", [value[:channels] for value in self.States or () if self.IsSingleEffect])
-        refuse_equal("Steps", [value[:channels] for value in self.Steps or () if self.IsMultiEffect])
         return self
 
 

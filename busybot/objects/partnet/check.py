@@ -1,7 +1,7 @@
 """Checks every object of a library and lists its faults, however many are bad.
 
 Of a bad object everything is told that can be found separately: each field of the annotation, the first fault of the
-URDF, each mesh. Bad is also a trigger that can be read, but that no action could ever move.
+URDF, each mesh. Bad is also an object that can be read, but of which nobody would ever see anything move.
 """
 
 from collections.abc import Iterator
@@ -15,7 +15,7 @@ from busybot.objects.importing.auto_annotation import decide
 from busybot.objects.importing.raw import is_raw, read_raw
 from busybot.objects.library import SPLIT_FILE, load_as, object_folders, read_split_file, read_splits
 from busybot.objects.model import CATEGORIES, ObjectModel
-from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults, annotation_values
+from busybot.objects.partnet.annotation import FILE_NAME, annotation_faults, annotation_values, equal_values
 from busybot.objects.partnet.folder_snapshot import read_snapshot
 from busybot.objects.partnet.loader import load_object
 from busybot.objects.partnet.meshes import check_meshes
@@ -87,7 +87,12 @@ def _verdict(name: str, key: str | None, folder: Path) -> list[Finding]:
 
 
 def _idle(model: ObjectModel) -> Iterator[tuple[str, str]]:
-    """Why nothing would ever move a trigger that can be read, each with what to do."""
+    """Why nothing would ever be seen to move of an object that can be read, each with what to do."""
+    if model.effect is not None:
+        for name, values in (("States", model.effect.single), ("Steps", model.effect.multi)):
+            if alike := equal_values(name, values or ()):
+                again = "`busybot assets import --replace` does so with what version 0.1 imported"
+                yield f"Effect: {alike}", f"give each another value; {again}"
     if model.role != "trigger":
         return
     snapshot = read_snapshot(model.folder)

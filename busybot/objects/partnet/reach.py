@@ -35,9 +35,15 @@ def pull_needed(urdf: Urdf, meshes: Mapping[str, np.ndarray], joint: Joint, stat
 
 
 def _radius(urdf: Urdf, meshes: Mapping[str, np.ndarray], joint: Joint) -> float:
-    """How near the joint's link comes to the axis, at least: the distance of the hull of its vertices."""
+    """How near the joint's link comes to the axis, at least, with what it carries: the distance of the hull of their
+    vertices, which may be held, too."""
     across = np.linalg.svd(joint.axis[None])[2][1:]
-    points = shape_vertices(urdf.visuals[joint.child], meshes, np.eye(4)) @ across.T
+    frames = {joint.child: np.eye(4)}
+    for other in urdf.joints:  # from the root on
+        if other.parent in frames:
+            frames[other.child] = frames[other.parent] @ other.origin
+    held = [shape_vertices(urdf.visuals.get(link, ()), meshes, frame) for link, frame in frames.items()]
+    points = np.concatenate(held) @ across.T
     angles = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     sides = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     # the hull is beyond a line at this distance, on one of the sides

@@ -84,7 +84,7 @@ class JudgedCauses:
         probabilities: float (K + 1, N, N), the model's.
         claimed: bool (K + 1, N, N), what the model claims.
         bound: bool (K + 1, N, N), what the exact observer claims; None without one.
-        observed: float32 (K + 1, N, N), his probabilities; None without one.
+        observed: float (K + 1, N, N), his probabilities; None without one.
         links, links_bound: int (K + 1, N, 3), at the level of links for each responder how many parents are rightly
             claimed, claimed and true; None where links are not told, or there is no observer.
         links_silent: the same with no link claimed, where links are not told; it counts if they are on other boards.
@@ -456,7 +456,7 @@ class _Observed:
     """What the exact observer tells, as `JudgedCauses`, and what it believes after the observed actions.
 
     Attributes:
-        objects: float32 (K + 1, N, N), probabilities of parents.
+        objects: float (K + 1, N, N), probabilities of parents.
         links: as `JudgedCauses.links_bound`.
     """
 
@@ -471,7 +471,7 @@ def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None
     board, triggers, objects = replayed.board, replayed.triggers, len(replayed.board.objects)
     space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
     shown, owners = replayed.shown[:, responders], [name.object for name in replayed.names]
-    pairs_, links = np.zeros((count + 1, objects, objects), np.float32), np.zeros((count + 1, objects, 3), int)
+    pairs_, links = np.zeros((count + 1, objects, objects)), np.zeros((count + 1, objects, 3), int)
     changes = ChangeBelief(np.zeros((count, objects)), np.full(objects, -1))
     last = None
     try:

@@ -64,12 +64,14 @@ class Many(Echo):
 
 
 class Never(Echo):
-    """Draws none of itself."""
+    """Draws none of itself, and has one input."""
 
     kind: ClassVar[str] = "never"
 
     @classmethod
     def draw(cls, sizes: tuple[int, ...], stages: int, novel: bool, rng: np.random.Generator) -> Self | None:
+        (size,) = sizes
+        assert size
         return None
 
 

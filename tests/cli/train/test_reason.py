@@ -216,6 +216,8 @@ def test_a_training_may_begin_with_a_model(tmp_path: Path, data: Path) -> None:
 
     wide = run(*command("wide", "--set", "net.width=16", *start))
     assert wide.exit_code == 2 and "weights.safetensors: " in wide.stderr and "leave its sizes" in wide.stderr
+    alone = run(*command("alone", "--from", "mechanism", "--set", "labels=pictures"))
+    assert alone.exit_code == 2 and "was taught by true parents" in alone.stderr
     event = run(*command("event", "--from", "event"))
     assert event.exit_code == 2 and "a model `event` that reads" in event.stderr
     absent = run(*command("absent", "--from", str(tmp_path / "nowhere")))

@@ -11,7 +11,8 @@ from busybot.objects.importing.annotation_edits import Choices, Overrides
 from busybot.objects.importing.auto_annotation import FACING
 from busybot.objects.importing.importer import ImportOutcome, import_objects
 from busybot.objects.partnet.check import Finding, check_objects
-from tests.objects.raw_objects import GROUND, STICK, Link, make_raw
+from busybot.objects.partnet.loader import load_object
+from tests.objects.raw_objects import GROUND, STICK, Link, box_link, library_of, make_raw
 
 RAIL = ((-0.05, -1.5, -0.2), (0.05, 1.5, 0.2))
 
@@ -85,3 +86,29 @@ def test_a_responder_needs_no_directions(procedural: Path, tmp_path: Path) -> No
     folder = tmp_path / "star-01"
     shutil.copytree(procedural / "Lamp" / "star-01", folder)
     assert check_objects(folder) == [Finding("star-01")]
+
+
+def test_a_responder_whose_steps_are_equal_can_be_read_and_is_bad(procedural: Path, tmp_path: Path) -> None:
+    """As those were that earlier rules imported: boards with them stay what they are."""
+    folder = tmp_path / "bead-01"
+    shutil.copytree(procedural / "Toy" / "bead-01", folder)
+    assert check_objects(folder) == [Finding("bead-01")]
+    file = folder / "object_meta_info.json"
+    (entry,) = json.loads(file.read_text())["Effect"]
+    change(file, Effect=[entry | {"Steps": [entry["Steps"][0], *entry["Steps"][:2]]}])
+    assert load_object(folder).effect is not None
+    (finding,) = check_objects(folder)
+    assert finding.problem is not None and "Effect: Steps 0 and 1 are equal" in finding.problem
+    assert finding.hint is not None and "--replace" in finding.hint
+
+
+def test_what_is_fixed_to_a_link_may_be_held_nearer_to_its_axis(tmp_path: Path) -> None:
+    far, near = box_link("arm", "0.2 0.2 0.2", "1 0 0"), box_link("hub", "0.1 0.1 0.1")
+    turns = '<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>{}</joint>'
+    fixed = '<joint name="f" type="fixed"><parent link="arm"/><child link="hub"/><origin xyz="0.1 0 0"/></joint>'
+    limit = '<limit lower="-0.6" upper="0.6"/>'
+    for more, bad in (("", True), (near + fixed, False)):
+        urdf = "".join((box_link("base", "1 1 0.1"), far, turns.format(limit), more))
+        library_of(tmp_path / str(bad), urdf, category="Switch", scale=1.0, links={"arm": "two-state"})
+        found = [one.problem or "" for one in check_objects(tmp_path / str(bad) / "library")]
+        assert ("has to be pulled" in " ".join(found)) is bad

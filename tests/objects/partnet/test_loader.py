@@ -151,7 +151,6 @@ CAUSE = [{"JointId": 1, "IsSmallCause": 1, "IsLargeCause": 0}]
 COLOR = {"Type": "link", "LinkId": 1, "IsSingleEffect": 1, "IsMultiEffect": 0, "States": [[0, 0, 0], [1, 0, 2]]}
 SWATCHES = {"Type": "link", "LinkId": 1, "IsSingleEffect": 1, "IsMultiEffect": 1}
 STATES, STEPS = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0, 1], [1, 0, 0, 1], [0, 0, 1, 1]]
-TURNS = {"Type": "joint", "JointId": 1, "IsSingleEffect": 0, "IsMultiEffect": 1, "Steps": [[0], [0], [0.7]]}
 CYCLE = (
     '<link name="a"/><link name="b"/>'
     '<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>'
@@ -183,12 +182,6 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "joint number negative": (annotate(Cause=[CAUSE[0] | {"JointId": -1}]), "JointId"),
     "link that no cause moves": (annotate(Movable_link={"link_0": {}, "link_7": {}}), "link_7"),
     "colour above 1": (annotate(Cause=[], Effect=[COLOR]), "colour"),
-    "equal steps of a joint": (effect(TURNS), "Steps 0 and 1 are equal"),
-    "equal steps of a colour but for the alpha": (
-        effect(SWATCHES | {"States": STATES, "Steps": [*STEPS[:2], [0, 0, 0, 0.5]]}),
-        "Steps 0 and 2 are equal",
-    ),
-    "equal states": (effect(SWATCHES | {"States": [[1, 0, 0]] * 2, "Steps": STEPS}), "States 0 and 1 are equal"),
     "no URDF": (lambda folder: (folder / "mobility.urdf").unlink(), "mobility.urdf"),
     "URDF is cut off": (replace("mobility.urdf", b"<robot><link"), "not valid XML"),
     "URDF with an unknown encoding": (

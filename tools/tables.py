@@ -15,7 +15,7 @@ from busybot.evaluation.statistics import binomial_interval, widest
 from busybot.interact.training.config import PaperConfig
 from busybot.view.report.gates import judge
 from busybot.view.report.page import Grid, Text, markdown, number, plain_grid, reference, spread
-from busybot.view.report.results import INTERVALS, Results, RowFound, Score, read_results, rows_of
+from busybot.view.report.results import INTERVALS, RowFound, Score, TableFile, read_results, rows_of
 from busybot.view.report.sections import table_grid
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -27,9 +27,10 @@ def result(name: str) -> dict[str, Any]:
     return read_result(RESULTS / f"{name}.json")
 
 
-def _table(number: int, name: str = "") -> tuple[Results, dict[str, RowFound]]:
-    found = read_results([RESULTS / f"{name or f'table{number}'}.json"])
-    return found, found.tables[number]
+def _table(number: int) -> TableFile:
+    """The committed file of a table."""
+    [found] = read_results([RESULTS / f"table{number}.json"]).table_files.values()
+    return found
 
 
 def percent(share: float | None) -> str:
@@ -73,7 +74,7 @@ LINES = (
 
 def overview() -> str:
     """Our rows of Tables 1 to 3, each with the worst of its training seeds, beside the paper's and the gates."""
-    found = {table.number: _table(table.number)[1] for table in TABLES}
+    found = {table.number: _table(table.number).rows for table in TABLES}
     lines = [(one.words, [cell for s in NOVEL for cell in _short(one, found[one.table.number], s)]) for one in LINES]
     heads = [head for words in NOVEL.values() for head in (words, "paper", "gate")]
     return markdown([plain_grid(heads, lines, "percent")])
@@ -95,9 +96,10 @@ def _short(line: Line, rows: dict[str, RowFound], split: str) -> tuple[str, str,
 
 def table1() -> str:
     """Table 1, and what its trainings took."""
-    found, rows = _table(1)
+    found = _table(1)
+    rows = found.rows
     grid = _completed(INTERACTION, rows, "table1-paper", "[a short training](#the-papers-networks)")
-    return markdown([grid, Text(trained_in(rows.values(), found.about[1]["machine"]))])
+    return markdown([grid, Text(trained_in(rows.values(), found.about["machine"]))])
 
 
 def _completed(table: Table, rows: dict[str, RowFound], name: str, words: str) -> Grid:
@@ -172,9 +174,10 @@ def exact(share: float, interval: Sequence[float], trials: int) -> Sequence[floa
 
 def table2() -> str:
     """Table 2, and what our trainings took."""
-    found, rows = _table(2)
+    found = _table(2)
+    rows = found.rows
     grid = _completed(REASONING, rows, "table2-gpu", "[on a GPU](#on-a-gpu)")
-    return markdown([grid, Text(trained_in([rows["event"]], found.about[2]["machine"]))])
+    return markdown([grid, Text(trained_in([rows["event"]], found.about["machine"]))])
 
 
 def table2_gpu() -> str:
@@ -207,7 +210,7 @@ def _on_a_gpu(words: str, training: dict[str, Any]) -> str:
 
 def table3() -> str:
     """Table 3, and how the learned agents were trained."""
-    rows = _table(3)[1]
+    rows = _table(3).rows
     told = [Text(f"`{name}`: {_practised(one)}") for name, row in rows.items() for one in row.trainings]
     return markdown([table_grid(PLANNING, rows), *told])
 

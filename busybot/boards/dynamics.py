@@ -75,7 +75,7 @@ class Bound:
     stream: str
     stages: int
 
-    def read(self, triggers: Sequence[int], shown: Sequence[int]) -> tuple[int, ...]:
+    def read(self, triggers: Sequence[int], shown: Sequence[int]) -> Inputs:
         return tuple(shown[place] if responder else triggers[place] for place, responder in self.inputs)
 
     def start(self, inputs: Inputs) -> tuple[int, Memory]:
@@ -86,9 +86,7 @@ class Bound:
         """
         return self._checked(*self.mechanism.start(inputs))
 
-    def step(
-        self, inputs: tuple[int, ...], memory: tuple[int, ...], chance: Luck | None
-    ) -> tuple[int, tuple[int, ...]]:
+    def step(self, inputs: Inputs, memory: Memory, chance: Luck | None) -> tuple[int, Memory]:
         """As `Mechanism.step`.
 
         Raises:

@@ -13,6 +13,7 @@ from busybot.boards.task import shortest_plan, start_states, task_of
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
+from busybot.common.text import one_line
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import CollectInfo, collect_command
 from busybot.episodes.episode import Episode
@@ -98,12 +99,15 @@ def evaluate_agents(
 def trained_elsewhere(evaluation: PlanEvaluation) -> list[str]:
     """Sentences about trained agents that learned among the candidates of another interaction model."""
     told, here = [], fingerprint(evaluation.policy_model)
-    for name, _, path in (agent.partition("=") for agent in evaluation.agents):
-        kind_of(f"{name}={path}" if path else name)  # or it says what is missing
+    for agent in evaluation.agents:
+        kind_of(agent)  # or it says what is missing
+        name, _, path = agent.partition("=")
         if kind := next((one for one in TRAINED if one == name), None):
             known = load_policy(path, kind)[0].training.get("model")
             if isinstance(known, dict) and known.get("sha256") != here["sha256"]:
-                what = f"{path} learned among the candidates of the interaction model {known.get('name')}"
+                what = (
+                    f"{path} learned among the candidates of the interaction model {one_line(str(known.get('name')))}"
+                )
                 told.append(f"{what}, and chooses here among those of {here['name']}; --policy-model names another")
     return told
 

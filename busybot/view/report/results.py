@@ -3,7 +3,6 @@
 Files hold shares from 0 to 1; the cells of tables are percent.
 """
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -366,21 +365,6 @@ class Results:
         others = (self.singles, self.plans, self.worlds, self.robustness)
         files = self.table_files.values()
         return bool(files) and all(file.trial for file in files) and not any(others)
-
-    @property
-    def tables(self) -> dict[int, dict[str, RowFound]]:
-        """Rows by name, by the number of a table of which one file was given."""
-        return {number: file.rows for number, file in self._alone()}
-
-    @property
-    def about(self) -> dict[int, dict[str, Any]]:
-        """What such a file tells of itself as a whole."""
-        return {number: file.about for number, file in self._alone()}
-
-    def _alone(self) -> Iterator[tuple[int, TableFile]]:
-        numbers = Counter(file.table.number for file in self.table_files.values())
-        files = ((file.table.number, file) for file in self.table_files.values())
-        return ((number, file) for number, file in files if numbers[number] == 1)
 
     def of_table(self, table: Table) -> list[TableFile]:
         """Files that have rows of a table, those that have most first, trials last: not as they were given."""

@@ -20,6 +20,8 @@ WORLDS_VERSION = "1.1"
 SCENES_VERSION = "1.2"
 """Of scenes: boards that say from where they are looked at."""
 PAPER = "paper"
+IMPORTED = "imported"
+"""Split, and version of the generator, of boards that nobody generated; their recordings came from elsewhere."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False, ge=-1e3, le=1e3)]
 Unit = Annotated[float, Field(ge=0, le=1)]
@@ -249,6 +251,12 @@ class BoardSpec(FrozenModel):
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         absent: dict[str, Any] = {"task": None, "world": PAPER, "locks": [], "rewirings": [], "idle": []}
         return without(handler(self), absent | {"relations_known": True, "camera": None})
+
+    @property
+    def told_world(self) -> str:
+        """In which world the board was drawn, as reasoners, agents that plan, and who is curious are told; "" of what
+        was imported, which nobody drew."""
+        return self.world if self.relations_known and self.split != IMPORTED else ""
 
     def relation_matrix(self) -> list[list[int]]:
         """Object pairs: `[i][j]` is 1 when a link of object i controls object j (links collapsed)."""

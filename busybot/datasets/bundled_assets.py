@@ -17,12 +17,12 @@ from pydantic import ValidationError
 from busybot.boards.config import SPLITS
 from busybot.boards.generate import GENERATOR_VERSION
 from busybot.boards.scenes import SCENES
+from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import IMPORTED
 from busybot.datasets.manifest import AssetEntry, is_frozen
 from busybot.objects.library import LISTS, OTHER, SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences

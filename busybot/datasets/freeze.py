@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from busybot import __version__
+from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import (
     LOCK_FILE,
     copy_file,
@@ -35,7 +36,7 @@ from busybot.common.limits import MAX_JSON_BYTES
 from busybot.common.text import markdown_code, markdown_text
 from busybot.datasets.bundled_assets import Assets, check_licence, plan_assets, write_carried
 from busybot.datasets.dataset import DAMAGED_FOLDER, HASHED, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import IMPORTED, collect_command
+from busybot.datasets.info import collect_command
 from busybot.datasets.manifest import (
     CARD_FILE,
     MANIFEST_FILE,

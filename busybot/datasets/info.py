@@ -15,8 +15,6 @@ from busybot.common.limits import MAX_JSON_BYTES
 from busybot.episodes.digests import Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
 
-IMPORTED = "imported"
-"""Version of the generator of boards that nobody generated; their recordings came from elsewhere."""
 LONGEST_NAME = 200
 
 Version = Annotated[str, Field(pattern=r"^\d+\.\d+$")]

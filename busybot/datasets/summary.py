@@ -7,11 +7,11 @@ from typing import Any
 
 import pyarrow.compute as pc
 
-from busybot.boards.spec import PAPER
+from busybot.boards.spec import IMPORTED, PAPER
 from busybot.common.errors import BusybotError
 from busybot.common.remote import is_remote
 from busybot.datasets.dataset import HASHED, Dataset
-from busybot.datasets.info import IMPORTED, collect_command
+from busybot.datasets.info import collect_command
 from busybot.datasets.manifest import is_frozen
 
 _COLUMNS = [*HASHED, "steps", "bytes", "oracle", "images", "truth", "successes"]

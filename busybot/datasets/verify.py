@@ -9,11 +9,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from busybot.boards.spec import IMPORTED
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import BOARDS_PER_SHARD, DAMAGED_FOLDER, HINT_GENERATE, INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.info import IMPORTED, DatasetInfo, collect_command
+from busybot.datasets.info import DatasetInfo, collect_command
 from busybot.datasets.manifest import CARD_FILE, HINT_FETCH, MANIFEST_FILE, is_frozen, read_manifest, unlike_manifest
 from busybot.episodes.episode import ENDED, SALVAGED
 from busybot.episodes.schema import TABLES

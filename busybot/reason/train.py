@@ -19,12 +19,11 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from busybot.boards.spec import PAPER
+from busybot.boards.spec import IMPORTED, PAPER
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import IMPORTED
 from busybot.datasets.summary import origin_of
 from busybot.reason.inputs.board_dataset import RecordedBoards, held_apart
 from busybot.reason.inputs.feature_store import features_of

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import IMPORTED, BoardSpec
 from busybot.boards.true_causes import periods, relations_at
 from busybot.common.errors import BusybotError
-from busybot.datasets.info import IMPORTED
 from busybot.episodes.camera import project
 from busybot.episodes.comparing import changed_squares, in_pixels
 from busybot.episodes.episode import Episode, Image

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from busybot.boards.spec import IMPORTED
 from busybot.common.errors import BusybotError
-from busybot.datasets.info import IMPORTED
 from busybot.episodes.mcap.reader import read_episode
 from busybot.reason.models.base import InferredGraph
 from busybot.sim.scene.real_camera import REAL, CameraConfig, take_photo

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from busybot.boards.spec import BODY, BoardSpec, LinkRef, PlacedObject, Relation
+from busybot.boards.spec import BODY, IMPORTED, BoardSpec, LinkRef, PlacedObject, Relation
 from busybot.common.atomic_io import make_folder, refuse_taken, remove_abandoned, rename, unfinished
 from busybot.common.errors import BusybotError, naming
 from busybot.common.frozen_model import first_fault
 from busybot.common.limits import MAX_PIXELS
 from busybot.common.process_pool import Progress
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.info import IMPORTED, DatasetInfo, name_of
+from busybot.datasets.info import DatasetInfo, name_of
 from busybot.episodes.camera import project
 from busybot.episodes.codec import DepthScale
 from busybot.episodes.episode import Camera, Episode, Image, Link, Step

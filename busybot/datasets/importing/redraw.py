@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import IMPORTED, BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.importing.recording import KnownObject, boxes_of, link_of, placed_object, positions_of
-from busybot.datasets.info import IMPORTED
 from busybot.datasets.manifest import refuse_frozen
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode

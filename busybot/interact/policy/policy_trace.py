@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from busybot.datasets.info import IMPORTED
+from busybot.boards.spec import IMPORTED
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Episode, Observation, Step
 from busybot.episodes.schema import UNKNOWN_PIXEL

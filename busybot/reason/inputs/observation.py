@@ -12,8 +12,6 @@ from itertools import pairwise
 import numpy as np
 
 from busybot.boards.directions import DIRECTIONS
-from busybot.boards.spec import BoardSpec
-from busybot.datasets.info import IMPORTED
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.episode import Camera, Episode, Image, Step
 
@@ -145,15 +143,8 @@ def observe_episode(episode: Episode, again: bool = False) -> ObservedEpisode:
         ),
         images=images,
         image_of=tuple(episode.frame_of),
-        world=world_of(episode.board),
+        world=episode.board.told_world,
     )
-
-
-def world_of(board: BoardSpec) -> str:
-    """In which world a board was drawn, as who reads a recording is told, and agents that plan; who is curious chooses
-    without (`plan.curious`). "" of what was imported, which nobody drew."""
-    drawn = board.relations_known and board.split != IMPORTED
-    return board.world if drawn else ""
 
 
 def goal_of(episode: Episode) -> Frame | None:

@@ -7,7 +7,7 @@ import pytest
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.datasets.info import IMPORTED
+from busybot.boards.spec import IMPORTED
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.episodes.schema import UNKNOWN_PIXEL

@@ -20,7 +20,6 @@ from busybot.boards.worlds import links_of
 from busybot.common.rng import generator
 from busybot.episodes.episode import Episode
 from busybot.objects.library import Library
-from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import Blur
 from busybot.reason.models.mechanism.contexts import Trace
 from busybot.reason.models.mechanism.evidence import EITHER, SCALE
@@ -147,7 +146,7 @@ def labelled(episode: Episode, seen: Perceived, touched: Sequence[Touched] = ())
     told = LabelledLinks(
         true_rises(episode, seen.trace, links), forms_of(seen.links), tuple(board.objects[one].key for one, _ in links)
     )
-    return LabelledTrace(seen.trace, world_of(board), *true, tuple(triggers), told, unsteady=seen.links.steadied)
+    return LabelledTrace(seen.trace, board.told_world, *true, tuple(triggers), told, unsteady=seen.links.steadied)
 
 
 def true_rises(episode: Episode, trace: Trace, links: Sequence[Named]) -> np.ndarray:

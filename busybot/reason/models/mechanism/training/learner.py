@@ -21,7 +21,6 @@ from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import RecordedBoards, batches_of, in_turn
-from busybot.reason.inputs.observation import world_of
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.mechanism.networks import COUNTED, IMPOSSIBLE, MechanismNet, forbid, moments_of, world_number
 from busybot.reason.models.mechanism.perception import perceive
@@ -268,7 +267,7 @@ def learner_of(
     Args:
         progress: is told of each recorded board that was looked at.
     """
-    worlds = sorted({world_of(boards.episode(number).board) for number in range(len(boards))} - {""})
+    worlds = sorted({boards.episode(number).board.told_world for number in range(len(boards))} - {""})
     library, total = find("procedural"), len(boards) + len(held_out)
     told = progress or (lambda done, of: None)
     traces = list(_looked_at(boards, config, config.net.unseen, lambda done: told(done, total)))

@@ -254,8 +254,8 @@ class BoardSpec(FrozenModel):
 
     @property
     def told_world(self) -> str:
-        """In which world the board was drawn, as reasoners, agents that plan, and who is curious are told; "" of what
-        was imported, which nobody drew."""
+        """In which world the board was drawn, as who reads a recording is told, and agents that plan; "" of what was
+        imported, which nobody drew."""
         return self.world if self.relations_known and self.split != IMPORTED else ""
 
     def relation_matrix(self) -> list[list[int]]:

@@ -58,19 +58,17 @@ class PolicyFactory(Protocol):
 
 @dataclass(frozen=True)
 class Detections:
-    """What a detector tells of the first picture, N objects, and the world, as recordings tell them to reasoners.
+    """What a detector tells of the first picture: N objects, as recordings tell them to reasoners.
 
     Attributes:
         roles: "trigger" or "responder".
         boxes: int16 (N, 4), u0, v0, u1, v1 (exclusive); -1 where not visible.
         positions: float32 (N, 3), visible centre, board frame, board units; NaN if not visible.
-        world: in which the board was drawn; "" where nobody says that.
     """
 
     roles: tuple[str, ...]
     boxes: np.ndarray
     positions: np.ndarray
-    world: str = ""
 
 
 @runtime_checkable

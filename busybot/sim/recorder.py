@@ -92,8 +92,7 @@ def _policy(
         return factory.make_oracle(scene, rays, config)
     if isinstance(factory, DetectingFactory):
         roles = tuple(placed.role for placed in scene.spec.objects)
-        found = Detections(roles, first.boxes, _visible_centres(first, scene), scene.spec.told_world)
-        return factory.make_detecting(rays, found)
+        return factory.make_detecting(rays, Detections(roles, first.boxes, _visible_centres(first, scene)))
     return factory.make_policy(rays)
 
 

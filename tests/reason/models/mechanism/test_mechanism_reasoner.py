@@ -42,6 +42,7 @@ from busybot.reason.models.mechanism.reasoner import AT_ONCE, NOWHERE, Mechanism
 from busybot.reason.models.mechanism.training.labelled import draw_boards, labelled
 from busybot.reason.models.mechanism.training.learner import _looked_at
 from busybot.reason.models.mechanism.unseen import Touched
+from busybot.reason.models.registry import reasoner_of
 from tests.reason.worlds import SWITCHES, looks_of, play, relation
 from tests.reason.worlds import sequence_of as symbolic_sequence
 
@@ -401,7 +402,7 @@ def test_where_nothing_was_seen_moving_nothing_is_foretold(watched: BoardSequenc
         )
 
     still = replace(watched, watch=watch, features=np.repeat(watched.features[:1], len(watched.features), 0))
-    reasoner = MechanismReasoner(MechanismNet(MechanismNetConfig()), "embedded")
+    reasoner = reasoner_of("mechanism")
     told = reasoner.predict(still, still.features[-1][None], still.actions[-1][None], still.acted[-1][None])
     np.testing.assert_array_equal(told[0], still.features[-1])
     graph = reasoner.graph(still)

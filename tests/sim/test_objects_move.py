@@ -1,13 +1,17 @@
 """All objects in the simulator: they load, every trigger link moves, effects show, and the rates are those measured."""
 
+import re
+import shutil
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from busybot.boards.directions import DIRECTIONS, OPPOSITE
+from busybot.common.atomic_io import write_json
 from busybot.episodes.camera import Rays
-from busybot.objects.library import OTHER
+from busybot.objects.library import OTHER, Library
 from busybot.objects.model import ObjectModel, TriggerLink
 from busybot.sim.interaction import InteractionConfig, changed_pixels, permitted, pull
 from busybot.sim.scene.board_scene import BoardScene, Simulator
@@ -107,3 +111,43 @@ def test_links_drift_neither_at_rest_nor_in_their_states(simulator: Simulator) -
         for _ in range(50):
             scene.scene.step()
         assert scene.joint_positions() == before, model.key
+
+
+KEYS = ("Switch/slider-01", "Switch/arm-01")
+
+
+@pytest.mark.parametrize(
+    "inertial",
+    [
+        "",
+        '<inertial><mass value="900"/><inertia ixx="50" ixy="0" ixz="0" iyy="50" iyz="0" izz="50"/></inertial>',
+        '<inertial><origin xyz="1 0 0"/><mass value="1e-3"/>'
+        '<inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial>',
+    ],
+    ids=["none", "heavy", "light"],
+)
+def test_whatever_links_of_own_switches_weigh_they_move_like_others(
+    procedural_simulator: Simulator, inertial: str, tmp_path: Path
+) -> None:
+    """The same pulls move them, as far as one and the other URDF go."""
+    moved: dict[str, list[list[bool]]] = {"as made": [], "own": []}
+    for key in KEYS:
+        model = procedural_simulator.library.objects[key]
+        shutil.copytree(model.folder, tmp_path / key)
+        urdf = tmp_path / key / "mobility.urdf"
+        urdf.write_text(re.sub(r"<inertial>.*?</inertial>", inertial, urdf.read_text()))
+    ids = [key.partition("/")[2] for key in KEYS]
+    write_json(tmp_path / "data.json", {"Reason": {"Switch": {"train": ids, "test": []}}})
+    own = Simulator(Library.load(tmp_path), procedural_simulator.render)
+    for name, simulator in (("as made", procedural_simulator), ("own", own)):
+        for key in KEYS:
+            model = simulator.library.objects[key]
+            scene = simulator.board(lone_board(model))
+            image = scene.observe()
+            assert image.segmentation is not None and image.depth is not None
+            code = next(k + 1 for k, seen in enumerate(scene.links) if seen.trigger)
+            rows, columns = np.nonzero(image.segmentation == code)
+            middle = len(rows) // 2
+            point = Rays(scene.camera).point(image.depth, (int(columns[middle]), int(rows[middle])))
+            moved[name].append([pull(scene, 0, point, d, FREE, None)[1] != 0 for d in DIRECTIONS])
+    assert moved["own"] == moved["as made"] and np.array(moved["own"]).any(1).all()

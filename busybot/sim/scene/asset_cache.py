@@ -22,6 +22,10 @@ from busybot.sim.scene.mesh_store import component, meshes_of, with_own_material
 
 KEPT = 64
 """Objects that stay loaded, about 6 MB each: more than the paper's 58."""
+MASS, INERTIA = 10.0, 1.0
+"""Of every link of the annotated switches, before they are scaled."""
+SIZE = 2.0
+"""About their diagonal then."""
 
 
 class _Unbound:
@@ -83,6 +87,8 @@ class Builders:
             for link in builder.link_builders:
                 link.collision_records = []
                 _give_stops(link.joint_record, model, scale)
+                if model.trigger_links:
+                    _weigh(link, model, scale)
                 if not self._looks:
                     link.visual_records = []
                 elif meshes is not None:
@@ -112,6 +118,18 @@ def _urdf_loader() -> Any:
         if absent:
             del sys.modules["trimesh"]
     return URDFLoader
+
+
+def _weigh(link: Any, model: ObjectModel, scale: float) -> None:
+    """A trigger's link that does not weigh what those of annotated switches do gets what they would at its size.
+
+    A URDF in metres, or one with true masses, would have links that no hand moves; one that names none, links that weigh
+    next to nothing and go astray.
+    """
+    mass, inertia = MASS * scale**3, np.full(3, INERTIA * scale**5)
+    if link._mass != mass or not np.array_equal(link._inertia, inertia):
+        size = float(np.linalg.norm(np.subtract(model.bounds_max, model.bounds_min))) * scale / SIZE
+        link.set_mass_and_inertia(MASS * size**3, sapien.Pose(), np.full(3, INERTIA * size**5))
 
 
 def _give_stops(record: Any, model: ObjectModel, scale: float) -> None:

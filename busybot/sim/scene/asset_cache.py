@@ -123,8 +123,8 @@ def _urdf_loader() -> Any:
 def _weigh(link: Any, model: ObjectModel, scale: float) -> None:
     """A trigger's link that does not weigh what those of annotated switches do gets what they would at its size.
 
-    A URDF in metres, or one with true masses, would have links that no hand moves; one that names none, links that weigh
-    next to nothing and go astray.
+    With true masses, or those of a URDF in metres, no hand would move them; without any they would weigh next to
+    nothing and go astray.
     """
     mass, inertia = MASS * scale**3, np.full(3, INERTIA * scale**5)
     if link._mass != mass or not np.array_equal(link._inertia, inertia):

@@ -180,7 +180,9 @@ def limits() -> str:
     for constant, told in zip(tree, tree[1:], strict=False):
         if isinstance(constant, ast.Assign) and isinstance(told, ast.Expr) and isinstance(told.value, ast.Constant):
             name = ast.unparse(constant.targets[0])
-            rows.append((f"`{name}`", (_amount(name, getattr(file_limits, name)), str(told.value.value))))
+            rows.append(
+                (f"`{name}`", (_amount(name, getattr(file_limits, name)), " ".join(str(told.value.value).split())))
+            )
     return markdown([plain_grid(("at most", "of what"), rows, "limit")])
 
 

@@ -138,7 +138,8 @@ def _front_matter(manifest: Manifest) -> str:
     size = next((name for limit, name in _SIZES if manifest.boards < limit), "n>1M")
     lines = ["---", f"pretty_name: {json.dumps(manifest.name)}"]
     lines += [f"license: {licence}", "task_categories:", "- robotics", "- reinforcement-learning", "tags:"]
-    lines += [f"- {tag}" for tag in ("busybot", "manipulation", "causal-discovery", "simulation", "mcap")]
+    made = () if manifest.generator.version == IMPORTED else ("simulation",)
+    lines += [f"- {tag}" for tag in ("busybot", "manipulation", "causal-discovery", *made, "mcap")]
     lines += ["size_categories:", f"- {size}", "configs:"]
     for name in TABLES:
         lines += [f"- config_name: {name}", f"  data_files: tables/{name}/*.parquet"]

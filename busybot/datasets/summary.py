@@ -97,13 +97,13 @@ def origin_of(dataset: Dataset) -> dict[str, Any]:
 
 
 def _drawing(dataset: Dataset) -> str | None:
-    """SHA-256 of all that boards were drawn by but their number: a dataset that grows keeps its boards. None of
-    imported ones, which nobody drew."""
+    """SHA-256 of all that boards were drawn by but their number, and of the first one: a dataset that grows keeps its
+    boards, and the first names objects of its library. None of imported ones, which nobody drew."""
     info = dataset.info
     if info.split == IMPORTED:
         return None
     config = {key: value for key, value in info.generator.config.items() if key != "boards"}
-    told = [info.seed, info.split, info.assets.sha256, info.generator.version, config]
+    told = [info.seed, info.split, info.assets.name, info.generator.version, config, dataset.board(0).digest()]
     return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
 
 

@@ -1,6 +1,7 @@
 """`busybot dataset` as a user runs it."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -128,6 +129,18 @@ def test_a_licence_that_no_manifest_can_tell_is_refused_first(dataset: Path, lic
     told = " ".join(done.stderr.split())
     assert done.exit_code == 2 and "--licence" in told and "character" in told and "SPDX" in told
     assert "pydantic" not in told and scan(dataset) == before
+
+
+def test_what_files_and_settings_are_called_begins_no_line(dataset: Path) -> None:
+    (dataset / "episodes" / "x\nerror: it is sound").write_text("")
+    assert "\nerror: it is sound" not in run("verify", dataset).stderr
+    other = dataset.parent / "other"
+    shutil.copytree(dataset, other)
+    told = json.loads((other / "dataset.json").read_text())
+    told["generator"]["config"]["x\nA and B are equal\nx"] = 1
+    (other / "dataset.json").write_text(json.dumps(told))
+    found = run("diff", dataset, other)
+    assert found.exit_code == 1 and "A and B are equal" in found.stdout and "\nA and B" not in found.stdout
 
 
 def test_diff_exits_with_1_where_something_differs(dataset: Path) -> None:

@@ -27,6 +27,7 @@ from busybot.datasets.exporting import folder as folders
 from busybot.datasets.exporting import hugging_face, lerobot
 from busybot.datasets.exporting.frames import TABLES
 from busybot.datasets.exporting.targets import TARGETS, export_recordings
+from busybot.datasets.importing.images import import_export
 from busybot.episodes.codec import ImageFormat
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
@@ -189,6 +190,23 @@ def test_croissant_describes_every_file_and_column(tmp_path: Path, monkeypatch: 
     responsible = ("dataCollection", "dataLimitations", "dataBiases", "personalSensitiveInformation", "dataUseCases")
     assert all(said[f"rai:{name}"] for name in responsible)
     assert dataset.hashes().content in said["prov:wasDerivedFrom"]["@id"] and len(said["prov:wasGeneratedBy"]) == 3
+
+
+@pytest.mark.parametrize("to", ["hf", "croissant"])
+def test_of_what_was_recorded_elsewhere_nothing_is_said_that_nobody_told(to: str, tmp_path: Path) -> None:
+    dataset, images = exported(tmp_path, "images")
+    imported = import_export(images, tmp_path / "imported")
+    told = {}
+    for name, one in (("made", dataset), ("imported", imported)):
+        export_recordings(one, to, tmp_path / to / name)
+        file = "README.md" if to == "hf" else "croissant.json"
+        told[name] = (tmp_path / to / name / file).read_text().lower()
+    for words in {
+        "hf": ("drawn with seed",),
+        "croissant": ("synthetic", "simulated", "in simulation", "rendered", "human annotated", "nobody is in it"),
+    }[to]:
+        assert words in told["made"] and words not in told["imported"], words
+    assert "recorded elsewhere" in told["imported"]
 
 
 def test_a_frozen_datasets_licence_is_told(tmp_path: Path, tiny: Path) -> None:

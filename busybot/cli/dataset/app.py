@@ -13,6 +13,7 @@ from busybot.cli.common import answer, counted, episode_progress, kept_in, print
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError, UsageError
+from busybot.common.text import one_line
 
 if TYPE_CHECKING:
     from busybot.datasets.dvc_remote import Shared
@@ -71,8 +72,8 @@ def verify(
     with episode_progress("verifying") as progress:
         report = verify_dataset(dataset, processes(workers), progress, assets)
     for problem, following in zip_longest(report.problems, report.problems[1:]):
-        hint = "" if following and following.hint == problem.hint else f"\n  hint: {problem.hint}"
-        warn(f"{problem.file}: {problem.what}{hint}")  # what one thing mends is told together
+        hint = "" if following and following.hint == problem.hint else f"\n  hint: {one_line(problem.hint)}"
+        warn(one_line(f"{problem.file}: {problem.what}") + hint)  # what one thing mends is told together
     if json:
         print_json({"ok": report.ok, **vars(report)})
     else:

@@ -5,6 +5,7 @@ from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from busybot.cli.common import console, counted, pixel_shares, say, tell
+from busybot.common.text import one_line
 
 if TYPE_CHECKING:
     from busybot.datasets.diff import DatasetDifference
@@ -44,15 +45,15 @@ def difference(first: Path, second: Path, found: "DatasetDifference") -> None:
         tell(f"{first} and {second} are equal")
         return
     for name, (a, b) in found.settings.items():
-        tell(f"setting {name}: {a!r}, then {b!r}")
+        tell(one_line(f"setting {name}: {a!r}, then {b!r}"))
     for name, indices in found.versions.items():
-        tell(f"{name} differs in {_episodes(indices)}")
+        tell(one_line(f"{name} differs in {_episodes(indices)}"))
     for name in ("boards", "only_in_a", "only_in_b", "actions", "states", "joints", "rewards", "images"):
         indices = getattr(found, name)
         if indices:
             tell(f"{name.replace('_', ' ')}: {_episodes(indices)}")
     for index, one in list(found.episodes.items())[:MOST_LINES]:
-        tell(f"episode {index}: {sentence(one)}")
+        tell(one_line(f"episode {index}: {sentence(one)}"))
     if len(found.episodes) > MOST_LINES:
         tell(f"and {len(found.episodes) - MOST_LINES} more episodes; --json lists all")
 
@@ -144,6 +145,6 @@ def regenerated(found: "Regenerated") -> None:
         if count:
             tell(f"images: the rule for {counted(count, 'episode')} is: {rules[rule]}")
     for index, one in list(found.failed.items())[:MOST_LINES]:
-        tell(f"episode {index}: {sentence(one)}")
+        tell(one_line(f"episode {index}: {sentence(one)}"))
     tell(f"joints: within {found.joints:.1e}; pictures: at worst {worst.colour:.3%} of the pixels beyond 2/255")
     tell(f"{total - len(found.failed)} of {total} episodes hold: {'as recorded' if found.ok else 'NOT as recorded'}")

@@ -61,9 +61,9 @@ def description(folder: Path, source: Source) -> dict[str, Any]:
         " each, what was done and what changed.",
         "version": "1.0.0",
         **({"license": f"https://spdx.org/licenses/{source.licence}"} if source.licence else {}),
-        "keywords": ["causal discovery", "robotics", "interaction", "simulation"],
+        "keywords": ["causal discovery", "robotics", "interaction", *([] if source.imported else ["simulation"])],
         "isLiveDataset": False,
-        **_responsible(source),
+        **(_responsible_elsewhere(source) if source.imported else _responsible(source)),
         **_provenance(source),
         "distribution": [part for name in names for part in _distribution(folder, name)],
         "recordSet": [_record_set(name) for name in names],
@@ -96,20 +96,36 @@ def _responsible(source: Source) -> dict[str, Any]:
     }
 
 
+def _responsible_elsewhere(source: Source) -> dict[str, Any]:
+    """Of imported recordings: who is in the pictures, who annotated what, and whether anything was drawn by a computer,
+    whoever recorded them has to add."""
+    return {
+        "rai:dataCollection": "Somebody or something took hold of one point of a board an action and pulled; pictures"
+        " were taken before and after, elsewhere, and imported. Actions were chosen by "
+        + ", ".join(sorted({str(row["policy"]) for row in source.rows}))
+        + ".",
+        "rai:dataCollectionType": ["Others"],
+        "rai:dataBiases": ["Which links are moved how often depends on whoever acted."],
+        "rai:dataUseCases": ["Learning to interact with articulated objects, and to infer which one controls which."],
+        "rai:dataSocialImpact": "None is expected; a robot that learned from it must not be relied on for safety.",
+    }
+
+
 def _provenance(source: Source) -> dict[str, Any]:
     info, collect = source.info, source.info.collect
     how = (
         f"policy {collect.policy}, {collect.steps} actions a board, seed {collect.seed}" if collect else "not recorded"
     )
+    made = [f"boards drawn by generator {info.generator.version}", f"recorded in simulation: {how}"]
+    if source.imported:
+        made = ["recorded elsewhere", "imported by busybot"]
     return {
         "prov:wasDerivedFrom": {
             "@id": f"urn:busybot:content:{source.hashes.content}",
             "prov:label": f"recordings of the dataset {info.name}, split {info.split}, seed {info.seed}",
         },
         "prov:wasGeneratedBy": [
-            {"@type": "prov:Activity", "prov:label": f"boards drawn by generator {info.generator.version}"},
-            {"@type": "prov:Activity", "prov:label": f"recorded in simulation: {how}"},
-            {"@type": "prov:Activity", "prov:label": f"exported by busybot {__version__}"},
+            {"@type": "prov:Activity", "prov:label": label} for label in (*made, f"exported by busybot {__version__}")
         ],
         "prov:wasAttributedTo": {"@type": "prov:SoftwareAgent", "prov:label": f"busybot {__version__}"},
     }

@@ -39,7 +39,7 @@ _TEXT = """
 
 {episodes} recordings of toy boards with {steps} actions, each with the picture before and the picture after it: a robot
 takes hold of one point and pulls in one of 18 directions; what is a switch, and what it switches, is to be found out.
-Split {split}, boards drawn with seed {seed}, actions by the policy {policies}. Made by
+Split {split}, {origin}, actions by the policy {policies}. Made by
 `busybot dataset export DATASET --to hf`, busybot {version}.
 
     from datasets import load_dataset
@@ -80,7 +80,7 @@ def card(source: Source) -> str:
         episodes=len(source.rows),
         steps=sum(row["steps"] for row in source.rows),
         split=markdown_code(source.info.split),
-        seed=source.info.seed,
+        origin="recorded elsewhere and imported" if source.imported else f"boards drawn with seed {source.info.seed}",
         policies=", ".join(sorted({markdown_code(row["policy"]) for row in source.rows})),
         version=__version__,
         privileged=_INCLUDED if source.privileged else _LEFT_OUT,

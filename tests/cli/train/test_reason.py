@@ -10,12 +10,15 @@ import torch
 from safetensors.torch import load_file
 from typer.testing import CliRunner, Result
 
+from busybot.boards.config import BoardConfig
 from busybot.cli.main import app
 from busybot.common.errors import UsageError
+from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
-from busybot.datasets.summary import origin_of
+from busybot.datasets.summary import _drawing, origin_of
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
+from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import held_apart
 from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
@@ -63,6 +66,18 @@ def test_boards_of_the_same_seed_in_another_world_are_another_drawing(data: Path
         told = info | {"generator": info["generator"] | {"config": info["generator"]["config"] | changed}}
         (data / "dataset.json").write_text(json.dumps(told))
         assert (origin_of(Dataset.open(data))["drawing"] == drawn) is same, changed
+
+
+def test_a_dataset_that_grows_is_of_one_drawing(tmp_path: Path) -> None:
+    """Also where its boards have more and more objects of the library."""
+
+    def drawn(boards: int, seed: int = 3) -> Dataset:
+        config = BoardConfig(boards=boards, seed=seed, group_size=1)
+        return create_dataset(tmp_path / str(seed), config, find("procedural"))
+
+    few, grown, other = drawn(2), drawn(6), drawn(2, seed=4)
+    assert len(few.info.assets.sha256) < len(grown.info.assets.sha256)
+    assert _drawing(few) == _drawing(grown) != _drawing(other)
 
 
 def weights(out: Path) -> str:

@@ -165,8 +165,8 @@ class Curious(Protocol):
     """What a reasoner may have beside: how much it would learn from an action."""
 
     def expected_information(self, seen: BoardSequence, actions: np.ndarray, acted: np.ndarray) -> np.ndarray:
-        """Of each of S actions, one of which may be done next, if what it pushes goes that way, beyond what would be
-        learned without moving anything, in nats, float (S,); arguments as of `predict`."""
+        """Of each of S actions, one of which may be done next, if what it pushes goes that way, in nats, float (S,);
+        arguments as of `predict`."""
         ...
 
     def released(

@@ -4,8 +4,7 @@ The outcome of an action is foretold by every explanation; where those that are 
 the situation, seeing it tells most. That is the mutual information between the outcome and what explains it, which is
 an explanation and how often which state follows its contexts, or where they make a responder go that may fail to
 (Houlsby & others, Bayesian active learning by disagreement, 2011). Responders are added up, as if each had its own
-outcome independently of the others. What would be learned without moving anything, as of what changes by itself, every
-action tells, also one that finds a new link: it speaks for none.
+outcome independently of the others.
 """
 
 from collections.abc import Sequence
@@ -41,7 +40,7 @@ class Expected:
     """What is expected of M moves.
 
     Attributes:
-        information: beyond what would be learned if no link moved, in nats, float (M,); never less than 0.
+        information: in nats, float (M,).
         shown: how probably each responder is in each state afterwards, float (M, R, S).
     """
 
@@ -76,7 +75,7 @@ def expected(
     tries /= tries.sum(1, keepdims=True)
     open_ = entr(tries).sum(1)
     told, shown = [], []
-    for links in (trace.links[-1], *moves):
+    for links in moves:
         [contexts] = contexts_of(trace.longer(links, before), 1)
         likely, inner = _foretold(followed(trace, found, contexts, before, of) + few)
         going, _ = goals(trace, found, contexts, of)
@@ -87,8 +86,7 @@ def expected(
         mean = np.einsum("rh,rhs->rs", shares, likely)
         told.append(float((entr(mean).sum(-1) - (shares * inner).sum(-1)).sum()))
         shown.append(mean)
-    resting, *own = told
-    return Expected(np.array(own).clip(resting) - resting, np.array(shown[1:]).reshape(len(moves), *there.shape))
+    return Expected(np.array(told), np.array(shown).reshape(len(moves), *there.shape))
 
 
 def released(responders: np.ndarray, tries: Sequence[Sequence[int]], shown: np.ndarray | None = None) -> np.ndarray:

@@ -39,20 +39,6 @@ def test_what_would_tell_two_explanations_apart_is_worth_most() -> None:
     assert sure.take([2, 0]).shown[:, 0, 1] == pytest.approx([0, 1], abs=0.01)
 
 
-def test_what_shows_whatever_is_moved_speaks_for_no_action() -> None:
-    """The responder changes by itself, or with the first link: only moving that link tells which."""
-    links, shown = np.array([[0, 0], [0, 1], [0, 0], [1, 0], [1, 1]]), np.array([[0], [0], [0], [1], [1]])
-    trace = Trace(links, shown, (2, 2))
-    found = explanations_of(trace)
-    alone = np.array([MEMORIES[memory] in ("none", "own") for memory in found.memory]) & ~found.inputs.any(1)
-    assert alone.sum() == 2
-    shares = (alone / 2)[None]
-    assert not expected(trace, found, shares, [(0, 1), (1, 0), (1, 1)]).information.any()
-    reads = shares_of(found, (0,))
-    back, other, rest = expected(trace, found, (shares + reads) / 2, [(0, 1), (1, 0), (1, 1)]).information
-    assert back > other >= rest == 0
-
-
 def test_where_what_may_fail_goes_is_known_soon_and_its_failing_tells_little() -> None:
     """The responder went up with the link and down with it: trying the other link tells more than doing so again."""
     links, shown = np.array([[0, 0], [1, 0], [0, 0], [1, 0], [0, 0]]), np.array([[0], [1], [1], [1], [0]])

@@ -82,6 +82,7 @@ def repaired(done: "Repaired") -> None:
             "whole": "saved entirely",
             "partial": f"{verdict.steps} of {verdict.of} steps saved",
             "dropped": "could not be kept",
+            "there": "the other recording that is there stays",
         }[verdict.fate]
         tell(f"episode {verdict.episode}: {kept} ({verdict.why})")
     if done.damaged:

@@ -107,6 +107,10 @@ def _container_shots(folder: Path, name: str, timed: bool, camera: str | None) -
         )
     chosen = camera_in(file, camera)
     times = container_times(file, chosen)
+    if not times:
+        raise BusybotError(
+            f"{folder / name}: no picture of {chosen} is in it", "record it again; or name another camera"
+        )
     return [Shot(name, n, at, None, f"{folder / name}: picture {n} of {chosen}", chosen) for n, at in enumerate(times)]
 
 
@@ -123,6 +127,8 @@ def _video_shots(
         what = f"{folder / name}: when was each of its frames taken? Rates that videos tell are often wrong"
         raise BusybotError(what, "frames.csv with a column time, a line for each frame; or --fps 30")
     count = _Video(folder / name).skip(MAX_VIDEO_FRAMES + 1)  # counted: what a file's header says may be wrong
+    if not count:
+        raise BusybotError(f"{folder / name}: no picture is in it", "was the video cut? Copy it again")
     return [Shot(name, number, number / fps, None, f"{folder / name}: frame {number}") for number in range(count)]
 
 

@@ -306,6 +306,18 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         "which of them tells of the camera",
         "leave one",
     ),
+    "a cause without an effect": (relation("switch 0", " "), "relations.csv: line 2: .*no object", "an effect"),
+    "an effect without a cause": (relation(" ", "lamp 1"), "relations.csv: line 2: .*no object", "a cause"),
+    "commas in numbers": (
+        write("actions.csv", "time,u,v,direction\n100.5,9,9,up\n101.5,12,5,9,up"),
+        "actions.csv: line 3: 5 cells, its first line has 4",
+        "decimal",
+    ),
+    "a column twice": (
+        write("actions.csv", "time,u,v,direction, u\n100.5,9,9,up,12"),
+        "actions.csv: its column 'u' stands there twice",
+        "leave one",
+    ),
     "an open quote": (write("actions.csv", 'time,u\n"1'), "actions.csv: line", "own-recordings"),
     "no text": (lambda folder: (folder / "actions.csv").write_bytes(b"\xff\xfe\x00"), "cannot be read as text", "own"),
 }
@@ -357,6 +369,18 @@ def test_pictures_without_times(fault: str, tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match=message) as error:
         import_source(folder, tmp_path / "made")
     assert hint in str(error.value.hint) and not (tmp_path / "made").exists()
+
+
+def test_what_changes_nothing_in_a_table_is_passed_over(tmp_path: Path) -> None:
+    """Commas that spreadsheets leave behind, columns of others, and lines without a relation."""
+    folder = write_camera_folder(tmp_path / "table", make_episode(0))
+    lines = (folder / "actions.csv").read_text().splitlines()
+    (folder / "actions.csv").write_text(
+        "\n".join([f"{lines[0]},,,note,note", *(f"{line},,,a,b, ," for line in lines[1:])])
+    )
+    write_table(folder / "relations.csv", [{"cause": "switch 0", "effect": "lamp 1"}, {"cause": " ", "effect": ""}])
+    told = import_source(folder, None).recordings[0]
+    assert told["actions"] == 6 and told["relations"] == 1
 
 
 def test_a_video_that_was_cut(tmp_path: Path) -> None:

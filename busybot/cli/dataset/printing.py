@@ -89,7 +89,7 @@ def repaired(done: "Repaired") -> None:
         say(f"the damaged files are in {done.originals}")
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
     if partial:
-        say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
+        say(f"shorter now: {counted(partial, 'episode')}; --no-partial drops them, and says how they come back")
     sound = counted(done.sound, "episode")
     if any(verdict.fate == "dropped" for verdict in done.damaged):
         from busybot.datasets.dataset import Dataset

@@ -397,6 +397,26 @@ def test_a_video_that_was_cut(tmp_path: Path) -> None:
     assert "cut" in str(error.value.hint) and not (tmp_path / "made").exists()
 
 
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_video_with_more_frames_than_lines(timed: bool, tmp_path: Path) -> None:
+    """Nobody knows which of its frames have no line: all later pictures may be others than the table says."""
+    episode = make_episode(0)
+    folder = write_camera_folder(tmp_path / "table", episode, times=True)
+    for file in folder.glob("*.png"):
+        file.unlink()
+    write_video(folder / "board.mp4", [episode.image(min(number, 6)).rgb for number in range(9)])
+    write_table(folder / "frames.csv", [{"time": 100 + number} for number in range(7)])
+    if not timed:
+        without("actions.csv", "time")(folder)
+    for out in (None, tmp_path / "made"):
+        with pytest.raises(BusybotError, match=r"frames.csv: line 8: the last line, but board.mp4 goes on") as error:
+            import_source(folder, out)
+        assert "each of its frames" in str(error.value.hint) and not (tmp_path / "made").exists()
+    write_table(folder / "frames.csv", [{"time": 100 + number} for number in range(9)])
+    if timed:
+        assert import_source(folder, None).recordings[0]["frames"] == 7
+
+
 @pytest.mark.parametrize("form", ["jpeg", "png"])
 def test_what_phones_append_to_a_picture_is_passed_over(form: ImageFormat) -> None:
     colours = make_episode(0).image(0).rgb

@@ -172,6 +172,25 @@ def test_roles_are_proposed_from_points_as_from_pixels(tmp_path: Path) -> None:
     assert told[0]["triggers"] == told[1]["triggers"] == 3 and told[0]["responders"] == told[1]["responders"] == 5
 
 
+def test_a_pixel_outside_is_named_before_boxes_are_proposed(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0), relations=False)
+    (folder / "objects.csv").unlink()
+    cells("actions.csv", 3, u="500")(folder)
+    with pytest.raises(BusybotError, match=r"actions.csv: line 3: pixel \(500, .*outside of pictures of 160 x 120"):
+        import_source(folder, None, ImportOptions(proposed=True))
+
+
+def test_boxes_are_proposed_in_the_smallest_pictures(tmp_path: Path) -> None:
+    """Where nothing changed, around what was acted on."""
+    folder = tmp_path / "table"
+    folder.mkdir()
+    for number in range(2):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((20, 24, 3), 90, np.uint8))
+    write_table(folder / "actions.csv", [{"u": 12, "v": 10, "direction": "press"}])
+    made = imported(folder, ImportOptions(proposed=True))[0]
+    assert made.image(0).boxes.tolist() == [[11, 9, 13, 11]] and made.board.objects[0].role == "trigger"
+
+
 def test_without_boxes_nothing_is_inferred(tmp_path: Path) -> None:
     folder = write_camera_folder(tmp_path / "table", make_episode(0), relations=False)
     (folder / "objects.csv").unlink()

@@ -370,7 +370,8 @@ class Dataset:
         """
         shards = self.finished_by_shard()
         if not shards or not self.stored_shards(name):
-            raise BusybotError(f"{self.path}: it has no table {name!r} yet", "`busybot collect` makes it")
+            hint = HINT_TABLES if shards else collect_command(self.path, self.info)
+            raise BusybotError(f"{self.path}: it has no table {name!r} yet", hint)
         believed = partial(self._believed, name, columns=columns)
         if not is_remote(self.path):
             return pa.concat_tables(starmap(believed, shards.items()))
@@ -500,7 +501,7 @@ class Dataset:
         for index, digest in recorded:
             if boards[index] != digest:
                 what = f"{self.episode_path(index)}: its board is not board {index} of the dataset"
-                raise BusybotError(what, "put the right recording there, or remove the file and collect again")
+                raise BusybotError(what, "put the right recording there; `busybot dataset repair DATASET` removes it")
 
     def _checksums_known(self) -> bool:
         """Whether the tables hold a checksum of every recording; those of earlier versions do not."""

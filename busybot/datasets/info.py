@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
@@ -128,7 +129,7 @@ def collect_command(
     path: Path, info: DatasetInfo, program: str = "busybot", differing: Mapping[str, Any] | None = None
 ) -> str:
     """The command that records the missing episodes with the recorded settings; where nothing is recorded, by a policy
-    that moves something, which is the default with tasks alone.
+    that moves something, which is the default with tasks alone. What was imported nobody here can record.
 
     A learned model is recorded by its fingerprint, not by name: `--model` and `--reasoner` are left to the user.
 
@@ -138,6 +139,8 @@ def collect_command(
             known in this room, so that those of interaction, pictures and policy are not among the others.
     """
     command, collect = f"{program} collect {shlex.quote(str(path))}", info.collect
+    if info.generator.version == IMPORTED:
+        return "import the recordings again, into a new folder: busybot dataset import"
     if collect is None:
         return command if info.tasks else f"{command} --policy learned"
     if collect.policy not in ("random", "learned", "curious", "scripted"):

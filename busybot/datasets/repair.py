@@ -4,11 +4,12 @@ An episode that could be saved in part is an ordinary recording of fewer steps, 
 (`episode.SALVAGED`). It counts as finished: collecting continues with the other boards. Where the episode can be
 recorded again, dropping the part is better: collecting then makes the whole episode as it was.
 
-The original of every file that is replaced or removed is kept in the dataset's folder `damaged`.
+The original of every file that is replaced or removed is kept in the folder `damaged` of its dataset. A repaired
+dataset elsewhere may have recorded episodes since: sound ones stay there.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -28,7 +29,7 @@ from busybot.episodes.tables import Rows, episode_rows
 from busybot.objects.library import SPLIT_FILE, Library
 from busybot.objects.resolve import mismatch
 
-Fate = Literal["sound", "whole", "partial", "dropped"]
+Fate = Literal["sound", "whole", "partial", "dropped", "there"]
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,8 @@ class RepairVerdict:
     """What becomes of one episode.
 
     Attributes:
-        fate: `sound` needs nothing, `whole` was saved entirely, `partial` in part, `dropped` not at all.
+        fate: `sound` needs nothing, `whole` was saved entirely, `partial` in part, `dropped` not at all;
+            `there`: the other dataset has a recording of its own, which stays.
         why: the fault of a damaged file.
         steps: kept ones, `of` so many.
     """
@@ -65,8 +67,25 @@ class Repaired:
     originals: Path
 
 
-_Task = tuple[Path, int, str, Rows]
-"""A file, the index of its episode, the digest of its board, and what the tables know of it."""
+@dataclass(frozen=True)
+class _Examined:
+    """What is to be done about an episode.
+
+    Attributes:
+        rows: of it for the tables; None if it is dropped.
+        data: the bytes of its file; None for those that it has.
+        stays: whether the file that is at its place is let be.
+    """
+
+    verdict: RepairVerdict
+    rows: Rows | None = None
+    data: bytes | None = None
+    stays: bool = False
+
+
+_Task = tuple[Path, Path | None, int, str, Rows]
+"""A file, what its place holds already, the index of its episode, the digest of its board, and what the tables know of
+it."""
 
 
 def repair(
@@ -80,7 +99,7 @@ def repair(
 
     Args:
         out: write the repaired dataset to this new folder and leave the damaged one alone; the only way for a frozen
-            one. A repetition continues.
+            one. A repetition continues, and leaves what was recorded there since.
         keep_partial: keep what is left of an episode; otherwise it is dropped, so that `collect` records it again.
 
     Raises:
@@ -121,19 +140,20 @@ def _repair(
 ) -> Repaired:
     leftovers = target.remove_leftovers()
     boards = source.boards()
-    finished = source.finished_by_shard()
+    finished, there = source.finished_by_shard(), target.finished()
     examine = partial(_examine, info=source.info, keep_partial=keep_partial)
     rows: dict[int, Rows] = {}
     verdicts: list[RepairVerdict] = []
     episodes = sum(map(len, finished.values()))
     for shard, indices in finished.items():
         stored = _stored(source, shard)
-        tasks = [(source.episode_path(i), i, boards[i].digest(), stored.get(i, {})) for i in indices]
-        for verdict, found, data in share(examine, tasks, workers):
-            _put(source, target, verdict, data)
-            if found is not None:
-                rows[verdict.episode] = found
-            verdicts.append(verdict)
+        held = {i: target.episode_path(i) for i in indices if i in there}
+        tasks = [(source.episode_path(i), held.get(i), i, boards[i].digest(), stored.get(i, {})) for i in indices]
+        for found in share(examine, tasks, workers):
+            _put(source, target, found)
+            if found.rows is not None:
+                rows[found.verdict.episode] = found.rows
+            verdicts.append(found.verdict)
             if progress:
                 progress(len(verdicts), episodes)
     target.write_tables(rows)
@@ -151,9 +171,43 @@ def _stored(dataset: Dataset, shard: int) -> dict[int, Rows]:
     return dict(found)
 
 
-def _examine(task: _Task, info: DatasetInfo, keep_partial: bool) -> tuple[RepairVerdict, Rows | None, bytes | None]:
-    """Verdict on a file, its rows for the tables, and the bytes that replace it; runs in a worker."""
-    file, index, board_digest, stored = task
+def _examine(task: _Task, info: DatasetInfo, keep_partial: bool) -> _Examined:
+    """What is to be done about a file, and what its place holds; runs in a worker."""
+    file, there, index, board_digest, stored = task
+    found = _judged(file, index, board_digest, stored, info, keep_partial)
+    if there == file:
+        return replace(found, stays=found.verdict.fate == "sound")
+    if there is None:
+        return found
+    try:
+        if found.rows is not None and read_regular(there, MAX_RECORDING_BYTES) == _bytes_of(file, found):
+            return replace(found, stays=True)
+        rows = episode_rows(there, index)
+    except BusybotError:
+        return found
+    if faults_of(rows, index, board_digest, info) or not _is_as_good(rows, found.rows, keep_partial):
+        return found
+    fate: Fate = "sound" if found.verdict.fate == "sound" else "there"
+    return _Examined(RepairVerdict(index, fate, found.verdict.why), rows, stays=True)
+
+
+def _is_as_good(there: Rows, found: Rows | None, keep_partial: bool) -> bool:
+    """Whether a sound recording that is there is worth as much as what would take its place."""
+    if not _is_part(there):
+        return True
+    if found is None or not keep_partial:
+        return keep_partial
+    return _is_part(found) and there["steps"].num_rows >= found["steps"].num_rows
+
+
+def _is_part(rows: Rows) -> bool:
+    return is_partial(rows["episodes"]["settings"][0].as_py())
+
+
+def _judged(
+    file: Path, index: int, board_digest: str, stored: Rows, info: DatasetInfo, keep_partial: bool
+) -> _Examined:
+    """Verdict on a file, its rows for the tables, and the bytes that replace it."""
     verdict, data = RepairVerdict(index, "sound"), None
     rows: Rows
     try:
@@ -165,14 +219,14 @@ def _examine(task: _Task, info: DatasetInfo, keep_partial: bool) -> tuple[Repair
             data, rows = saved.data, episode_rows(file, index, saved.data)
             _check_stored(stored, rows, saved)
         except BusybotError as other:
-            return RepairVerdict(index, "dropped", f"{fault}; {without_name(other, file)}"), None, None
+            return _Examined(RepairVerdict(index, "dropped", f"{fault}; {without_name(other, file)}"))
         verdict = RepairVerdict(index, "whole" if saved.whole else "partial", fault, saved.steps, saved.of)
     faults = faults_of(rows, index, board_digest, info)
-    if not keep_partial and is_partial(rows["episodes"]["settings"][0].as_py()):
+    if not keep_partial and _is_part(rows):
         faults.append("it could be saved in part only")
     if faults:
-        return RepairVerdict(index, "dropped", "; ".join(faults)), None, None
-    return verdict, rows, data
+        return _Examined(RepairVerdict(index, "dropped", "; ".join(faults)))
+    return _Examined(verdict, rows, data)
 
 
 def _save(file: Path) -> Salvaged:
@@ -197,15 +251,22 @@ def _check_stored(stored: Rows, rows: Rows, saved: Salvaged) -> None:
         raise BusybotError("its scale of depth is not the usual one, and nothing tells whether that part is damaged")
 
 
-def _put(source: Dataset, target: Dataset, verdict: RepairVerdict, data: bytes | None) -> None:
-    """Carry out a verdict. In place, the original is kept first; killed in between, the next run does the same."""
-    file, place = source.episode_path(verdict.episode), target.episode_path(verdict.episode)
-    if source is target and verdict.fate != "sound":
-        _keep(target.path, file)
-    if verdict.fate == "dropped":
+def _put(source: Dataset, target: Dataset, found: _Examined) -> None:
+    """Carry out a verdict. What is replaced or removed is kept first; killed in between, the next run does the same."""
+    if found.stays:
+        return
+    file, place = source.episode_path(found.verdict.episode), target.episode_path(found.verdict.episode)
+    if place.exists():
+        _keep(target.path, place)
+    if found.verdict.fate == "dropped":
         remove(place, target.path)
-    elif source is not target or data is not None:
-        write_atomically(place, read_regular(file, MAX_RECORDING_BYTES) if data is None else data, target.path)
+    else:
+        write_atomically(place, _bytes_of(file, found), target.path)
+
+
+def _bytes_of(file: Path, found: _Examined) -> bytes:
+    """Of a file that is kept, or of what was saved of it."""
+    return read_regular(file, MAX_RECORDING_BYTES) if found.data is None else found.data
 
 
 def _keep(folder: Path, file: Path) -> None:

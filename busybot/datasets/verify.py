@@ -22,7 +22,7 @@ from busybot.episodes.tables import HINT_TABLES, Rows, episode_rows, read_shard,
 
 LINK = "a link where a file or folder is expected"
 HINT_STRAY = "move it out of the dataset"
-HINT_EPISODE = "`busybot dataset repair` saves what can be saved; or remove the file and collect again"
+HINT_EPISODE = "`busybot dataset repair DATASET` saves what can be saved, and says how the rest comes back"
 
 
 @dataclass(frozen=True)
@@ -268,7 +268,7 @@ def _tables(
     for name in TABLES:
         path = dataset.table_path(name, shard)
         if not path.exists():
-            yield Problem(str(path), f"missing; {len(finished)} episodes belong to it", "`busybot collect` makes it")
+            yield Problem(str(path), f"missing; {len(finished)} episodes belong to it", HINT_TABLES)
             continue
         try:
             stored = split_by_episode(read_shard(path, name))

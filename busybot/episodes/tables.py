@@ -34,7 +34,7 @@ MAX_SHARD_ROWS = EPISODES_PER_SHARD * 1001 * 64
 MAX_SHARD_MEMORY = 4096 * MIB
 """Of a shard's values, decoded: a small file can hold one value many times."""
 ROWS_KEY, MADE_OF_KEY = b"busybot_rows", b"busybot_made_of"
-HINT_TABLES = "remove the file; `busybot collect` on the dataset makes it again from the episodes"
+HINT_TABLES = "`busybot dataset repair DATASET` makes it again from the episodes"
 
 Rows = Mapping[str, pa.Table]
 """Table name to the rows of one episode or more."""

@@ -9,6 +9,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.common.atomic_io import scan
+from busybot.episodes.mcap.writer import write_episode
 from tests.datasets.camera_folders import write_camera_folder
 from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
 from tests.episodes.folders import make_dataset
@@ -164,6 +165,9 @@ def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
     assert elsewhere.exit_code == 0, elsewhere.stderr
     told = json.loads(elsewhere.stdout)
     assert [(v["episode"], v["fate"]) for v in told["damaged"]] == [(1, "whole"), (3, "dropped")]
+    write_episode(dataset.with_name("out") / "episodes/000003.mcap", make_episode(3))
+    again = run("repair", dataset, "--out", dataset.with_name("out"))
+    assert "episode 3: the other recording that is there stays (" in again.stdout and "next:" not in again.stderr
     here = run("repair", dataset)
     assert "episode 1: saved entirely" in here.stdout and "episode 3: could not be kept" in here.stdout
     assert run("verify", dataset).exit_code == 0

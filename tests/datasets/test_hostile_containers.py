@@ -3,6 +3,7 @@
 import json
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from busybot.datasets.importing import lerobot as reader
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.sources import import_source
 from tests.datasets.camera_folders import read_rows, write_table, write_video
-from tests.datasets.test_imports_of_containers import folder_of, state_rows, with_keys, write_hdf5
+from tests.datasets.test_imports_of_containers import TOPIC, folder_of, state_rows, with_keys, write_hdf5, write_mcap
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 from tests.hostile.containers import _one_frame, repeated_frame
@@ -60,6 +61,27 @@ def test_a_file_in_which_the_library_finds_no_end(tmp_path: Path, monkeypatch: p
     monkeypatch.undo()
     (folder / "x.h5").write_bytes(whole)
     assert import_source(folder, None).recordings[0]["states"], "another reader is started"
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("kind", ["mcap", "hdf5", "avi"])
+def test_a_file_without_pictures_is_named(kind: str, timed: bool, tmp_path: Path) -> None:
+    episode = make_episode(0)
+    folder, none, camera = folder_of(tmp_path, episode), replace(episode, frame_of=[]), {"mcap": TOPIC, "hdf5": "cam_0"}
+    if kind == "mcap":
+        write_mcap(folder / "x.mcap", none)
+    elif kind == "hdf5":
+        write_hdf5(folder / "x.hdf5", none, False)
+    else:
+        write_video(folder / "x.avi", [episode.image(0).rgb])
+        film = (folder / "x.avi").read_bytes()
+        (folder / "x.avi").write_bytes(film[: film.index(b"movi") + 4])
+    if not timed:
+        rows = read_rows(folder / "actions.csv")
+        write_table(folder / "actions.csv", [{k: v for k, v in row.items() if k != "time"} for row in rows])
+    with pytest.raises(BusybotError, match=f"x.{kind}: no picture.*{camera.get(kind, '')}") as error:
+        import_source(folder, None, ImportOptions(fps=30.0 if kind == "avi" else None))
+    assert error.value.hint
 
 
 BUDGETS: dict[str, dict[str, float]] = {

@@ -172,6 +172,25 @@ def test_roles_are_proposed_from_points_as_from_pixels(tmp_path: Path) -> None:
     assert told[0]["triggers"] == told[1]["triggers"] == 3 and told[0]["responders"] == told[1]["responders"] == 5
 
 
+def test_a_pixel_outside_is_named_before_boxes_are_proposed(tmp_path: Path) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0), relations=False)
+    (folder / "objects.csv").unlink()
+    cells("actions.csv", 3, u="500")(folder)
+    with pytest.raises(BusybotError, match=r"actions.csv: line 3: pixel \(500, .*outside of pictures of 160 x 120"):
+        import_source(folder, None, ImportOptions(proposed=True))
+
+
+def test_boxes_are_proposed_in_the_smallest_pictures(tmp_path: Path) -> None:
+    """Where nothing changed, around what was acted on."""
+    folder = tmp_path / "table"
+    folder.mkdir()
+    for number in range(2):
+        cv2.imwrite(str(folder / f"{number}.png"), np.full((20, 24, 3), 90, np.uint8))
+    write_table(folder / "actions.csv", [{"u": 12, "v": 10, "direction": "press"}])
+    made = imported(folder, ImportOptions(proposed=True))[0]
+    assert made.image(0).boxes.tolist() == [[11, 9, 13, 11]] and made.board.objects[0].role == "trigger"
+
+
 def test_without_boxes_nothing_is_inferred(tmp_path: Path) -> None:
     folder = write_camera_folder(tmp_path / "table", make_episode(0), relations=False)
     (folder / "objects.csv").unlink()
@@ -306,6 +325,18 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         "which of them tells of the camera",
         "leave one",
     ),
+    "a cause without an effect": (relation("switch 0", " "), "relations.csv: line 2: .*no object", "an effect"),
+    "an effect without a cause": (relation(" ", "lamp 1"), "relations.csv: line 2: .*no object", "a cause"),
+    "commas in numbers": (
+        write("actions.csv", "time,u,v,direction\n100.5,9,9,up\n101.5,12,5,9,up"),
+        "actions.csv: line 3: 5 cells, its first line has 4",
+        "decimal",
+    ),
+    "a column twice": (
+        write("actions.csv", "time,u,v,direction, u\n100.5,9,9,up,12"),
+        "actions.csv: its column 'u' stands there twice",
+        "leave one",
+    ),
     "an open quote": (write("actions.csv", 'time,u\n"1'), "actions.csv: line", "own-recordings"),
     "no text": (lambda folder: (folder / "actions.csv").write_bytes(b"\xff\xfe\x00"), "cannot be read as text", "own"),
 }
@@ -359,6 +390,18 @@ def test_pictures_without_times(fault: str, tmp_path: Path) -> None:
     assert hint in str(error.value.hint) and not (tmp_path / "made").exists()
 
 
+def test_what_changes_nothing_in_a_table_is_passed_over(tmp_path: Path) -> None:
+    """Commas that spreadsheets leave behind, columns of others, and lines without a relation."""
+    folder = write_camera_folder(tmp_path / "table", make_episode(0))
+    lines = (folder / "actions.csv").read_text().splitlines()
+    (folder / "actions.csv").write_text(
+        "\n".join([f"{lines[0]},,,note,note", *(f"{line},,,a,b, ," for line in lines[1:])])
+    )
+    write_table(folder / "relations.csv", [{"cause": "switch 0", "effect": "lamp 1"}, {"cause": " ", "effect": ""}])
+    told = import_source(folder, None).recordings[0]
+    assert told["actions"] == 6 and told["relations"] == 1
+
+
 def test_a_video_that_was_cut(tmp_path: Path) -> None:
     episode = make_episode(0)
     folder = write_camera_folder(tmp_path / "table", episode, times=True)
@@ -371,6 +414,26 @@ def test_a_video_that_was_cut(tmp_path: Path) -> None:
     ) as error:
         import_source(folder, tmp_path / "made")
     assert "cut" in str(error.value.hint) and not (tmp_path / "made").exists()
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_video_with_more_frames_than_lines(timed: bool, tmp_path: Path) -> None:
+    """Nobody knows which of its frames have no line: all later pictures may be others than the table says."""
+    episode = make_episode(0)
+    folder = write_camera_folder(tmp_path / "table", episode, times=True)
+    for file in folder.glob("*.png"):
+        file.unlink()
+    write_video(folder / "board.mp4", [episode.image(min(number, 6)).rgb for number in range(9)])
+    write_table(folder / "frames.csv", [{"time": 100 + number} for number in range(7)])
+    if not timed:
+        without("actions.csv", "time")(folder)
+    for out in (None, tmp_path / "made"):
+        with pytest.raises(BusybotError, match=r"frames.csv: line 8: the last line, but board.mp4 goes on") as error:
+            import_source(folder, out)
+        assert "each of its frames" in str(error.value.hint) and not (tmp_path / "made").exists()
+    write_table(folder / "frames.csv", [{"time": 100 + number} for number in range(9)])
+    if timed:
+        assert import_source(folder, None).recordings[0]["frames"] == 7
 
 
 @pytest.mark.parametrize("form", ["jpeg", "png"])

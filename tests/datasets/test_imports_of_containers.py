@@ -1,7 +1,7 @@
 """Pictures with times in one file, and a device's log of its states: the same as from a folder of pictures."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,9 @@ def folder_of(tmp_path: Path, episode: Episode) -> Path:
     return folder
 
 
-def write_mcap(file: Path, episode: Episode, topics: tuple[str, ...] = (TOPIC,)) -> None:
+def write_mcap(
+    file: Path, episode: Episode, topics: tuple[str, ...] = (TOPIC,), more: Sequence[Callable[[Writer], None]] = ()
+) -> None:
     name = "foxglove.CompressedImage"
     with file.open("wb") as stream:
         writer = Writer(stream, compression=CompressionType.NONE)
@@ -48,7 +50,20 @@ def write_mcap(file: Path, episode: Episode, topics: tuple[str, ...] = (TOPIC,))
                 message = channels.message_class(name)(data=data, format="png").SerializeToString()
                 at = int((100 + number) * 1e9)
                 writer.add_message(channel, at, message, at)
+        for change in more:
+            change(writer)
         writer.finish()
+
+
+def dangling(writer: Writer) -> None:
+    """A channel of a schema that is not in the file."""
+    writer.add_message(writer.register_channel("/joints", "cdr", 99), 0, b"x", 0)
+
+
+def in_json(writer: Writer) -> None:
+    """Another camera, as JSON."""
+    schema = writer.register_schema("foxglove.CompressedImage", "jsonschema", b"{}")
+    writer.add_message(writer.register_channel("/json", "json", schema), 0, b"{}", 0)
 
 
 def write_hdf5(file: Path, episode: Episode, packed: bool, states: list[Any] | None = None, cameras: int = 1) -> None:
@@ -85,6 +100,19 @@ def test_foxglove_images_in_mcap(tmp_path: Path) -> None:
     assert made.frame_of == episode.frame_of and np.array_equal(made.rgb[6], episode.rgb[6])
     with pytest.raises(BusybotError, match="no camera '/roof'"):
         import_source(folder, None, ImportOptions(camera="/roof"))
+
+
+def test_a_channel_that_cannot_be_read_leaves_a_camera_usable(tmp_path: Path) -> None:
+    episode = make_episode(0)
+    folder = folder_of(tmp_path, episode)
+    write_mcap(folder / "recording.mcap", episode, more=[dangling])
+    assert import_source(folder, None).recordings[0]["frames"] == 7
+    write_mcap(folder / "recording.mcap", episode, more=[dangling, in_json])
+    with pytest.raises(BusybotError, match="which of its 2 cameras"):
+        import_source(folder, None)
+    with pytest.raises(BusybotError, match="/json is encoded as json"):
+        import_source(folder, None, ImportOptions(camera="/json"))
+    assert imported(folder, camera=TOPIC)[0].frame_of == episode.frame_of
 
 
 @pytest.mark.parametrize("packed", [False, True])

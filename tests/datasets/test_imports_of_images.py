@@ -265,6 +265,25 @@ def test_what_is_wrong_is_named_and_nothing_half_written(fault: str, tmp_path: P
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize(("column", "value"), [("policy", "curious"), ("seed", "7"), ("split", "test")])
+@pytest.mark.parametrize("to", ["images", "parquet"])
+def test_recordings_that_a_dataset_cannot_hold_together(to: str, column: str, value: str, tmp_path: Path) -> None:
+    """A dataset says one policy, seed and split of all its recordings."""
+    export_recordings(make_dataset(tmp_path / "data", boards=2, finished=[0, 1]), to, tmp_path / "out")
+    if to == "images":
+        change("episodes.csv", 2, **{column: value})(tmp_path / "out" / "episodes" / "000001")
+        files = [f"00000{number}/episodes.csv: line 2" for number in range(2)]
+    else:
+        other = int(value) if column == "seed" else value
+        retold("episodes", **{column: lambda values: [*values[:-1], other]})(tmp_path / "out")
+        files = [f"{PART}: line {number}" for number in (1, 2)]
+    for out in (None, tmp_path / "made"):
+        with pytest.raises(BusybotError, match=f"{column} is .*{value}") as error:
+            import_source(tmp_path / "out", out)
+        assert all(file in error.value.what for file in files) and error.value.hint
+    assert not (tmp_path / "made").exists()
+
+
 def test_links_out_of_the_folder_are_not_followed(tmp_path: Path) -> None:
     export_recordings(make_dataset(tmp_path / "data", boards=1, finished=[0]), "images", tmp_path / "images")
     shutil.move(tmp_path / "images" / "episodes" / "000000", tmp_path / "elsewhere")

@@ -176,6 +176,10 @@ def outside(events: list[dict[str, Any]]) -> None:
     events[0]["instance_detections2D"][next(iter(DOOR))] = [170, 20, 400, 60]
 
 
+def endless(events: list[dict[str, Any]]) -> None:
+    events[0]["instance_detections2D"][next(iter(DOOR))] = [170, 20, 10**400, 60]
+
+
 def larger(events: list[dict[str, Any]]) -> None:
     events[0]["metadata"]["screenWidth"] = 300
 
@@ -217,6 +221,13 @@ def test_what_is_wrong_is_named(change: Change, file: int, what: str, tmp_path: 
         import_source(folder, tmp_path / "made")
     assert f"{file:06d}.json" in error.value.what and error.value.hint
     assert sorted(path.name for path in tmp_path.iterdir()) == ["thor"], "nothing is half written"
+
+
+def test_a_box_of_many_digits_is_named_also_in_smaller_pictures(tmp_path: Path) -> None:
+    folder = write_thor(tmp_path / "thor", endless)
+    with pytest.raises(BusybotError, match=r"000000.json: instance_detections2D.Microwave.* 1000000000"):
+        import_source(folder, tmp_path / "made", ImportOptions(width=104))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["thor"]
 
 
 def test_pictures_and_options_that_do_not_fit(tmp_path: Path) -> None:

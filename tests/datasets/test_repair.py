@@ -191,6 +191,42 @@ def test_elsewhere_the_damaged_dataset_stays_as_it_is(dataset: Dataset, tmp_path
             repair(dataset.path, place)
 
 
+def test_elsewhere_what_was_collected_since_stays(dataset: Dataset, tmp_path: Path) -> None:
+    """What is there is not written again, either: a repetition continues."""
+    repair(dataset.path, tmp_path / "out")
+    out = Dataset.open(tmp_path / "out")
+    for index in (1, 3):
+        write_episode(out.episode_path(index), noisy(make_episode(index)))
+    files = sorted((out.path / "episodes").iterdir())
+    before = [(file.name, file.read_bytes(), file.stat().st_ino) for file in files]
+    done = repair(dataset.path, out.path)
+    assert [(v.episode, v.fate) for v in done.damaged] == [(1, "there"), (2, "whole"), (3, "there")]
+    files = sorted((out.path / "episodes").iterdir())
+    assert [(file.name, file.read_bytes(), file.stat().st_ino) for file in files] == before
+    assert verify(out.path).ok and len(out.table("episodes")) == 4 and not (out.path / "damaged").exists()
+
+
+def test_elsewhere_what_is_replaced_or_removed_is_kept(dataset: Dataset, tmp_path: Path) -> None:
+    repair(dataset.path, tmp_path / "out")
+    out = Dataset.open(tmp_path / "out")
+    write_episode(out.episode_path(3), noisy(make_episode(3)))
+    for index in (0, 3):
+        data = out.episode_path(index).read_bytes()
+        out.episode_path(index).write_bytes(data[: int(0.7 * len(data))])
+    before = {index: out.episode_path(index).read_bytes() for index in (0, 1, 3)}
+    assert [v.fate for v in repair(dataset.path, out.path, keep_partial=False).damaged] == [
+        "dropped",
+        "whole",
+        "dropped",
+    ]
+    assert {int(file.stem): file.read_bytes() for file in (out.path / "damaged").iterdir()} == before
+    assert out.finished() == {0, 2} and verify(out.path).ok
+    write_episode(dataset.episode_path(1), noisy(make_episode(1)))
+    out.episode_path(1).write_bytes(before[1])
+    assert repair(dataset.path, out.path).sound == 2 and verify(out.path).ok
+    assert out.episode_path(1).read_bytes() == dataset.episode_path(1).read_bytes(), "a whole one is better than a part"
+
+
 def test_parts_can_be_dropped_so_that_they_are_recorded_again(dataset: Dataset) -> None:
     done = repair(dataset.path, keep_partial=False)
     assert [v.fate for v in done.damaged] == ["dropped", "whole", "dropped"]

@@ -7,11 +7,18 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from typer.testing import CliRunner
 
+from busybot.cli.main import app
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
+from busybot.datasets.exporting.targets import export_recordings
+from busybot.datasets.importing.images import import_export
+from busybot.datasets.info import collect_command
+from busybot.datasets.repair import repair
 from busybot.datasets.verify import VerifyReport, verify
 from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.tables import HINT_TABLES
 from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -139,3 +146,45 @@ def test_boards_that_are_not_the_datasets_are_found(dataset: Dataset) -> None:
 def test_a_folder_that_is_no_dataset_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match="not a dataset"):
         verify(tmp_path)
+
+
+@pytest.fixture
+def imported(tmp_path: Path) -> Dataset:
+    """A dataset that nobody can collect again, though its policy has the name of one of ours."""
+    export_recordings(make_dataset(tmp_path / "source", boards=3, finished=range(3)), "images", tmp_path / "images")
+    return import_export(tmp_path / "images", tmp_path / "imported")
+
+
+def test_what_mends_an_imported_dataset_is_told(imported: Dataset) -> None:
+    """`collect` refuses it; `repair` makes its tables again."""
+    imported.table_path("objects", 0).write_bytes(b"x")
+    edit_table(imported, "episodes", "trace_digest", "0" * 64)
+    imported.table_path("steps", 0).unlink()
+    problems = verify(imported.path).problems
+    assert len(problems) == 3 and {problem.hint for problem in problems} == {HINT_TABLES}
+    with pytest.raises(BusybotError) as error:
+        imported.table("steps")
+    shutil.rmtree(imported.path / "tables")
+    with pytest.raises(BusybotError, match="no table 'steps' yet") as absent:
+        imported.table("steps")
+    assert error.value.hint == absent.value.hint == HINT_TABLES and "busybot dataset repair" in HINT_TABLES
+    repair(imported.path)
+    assert verify(imported.path).ok and len(imported.table("steps")) == 18
+
+
+@pytest.mark.usefixtures("in_process")
+def test_nobody_is_told_to_collect_what_was_imported(imported: Dataset) -> None:
+    lazy = imported[0]
+    write_episode(imported.episode_path(0), make_episode(2), "png")
+    hints = []
+    for ask in (lambda: lazy.images[0].rgb, imported.hashes, lambda: imported[1]):
+        with pytest.raises(BusybotError, match="recorded again since|its board is not|MCAP") as error:
+            ask()
+        hints.append(str(error.value.hint))
+        imported.episode_path(1).write_bytes(b"lost")
+    problems = verify(imported.path).problems
+    assert len(problems) > 2 and all("dataset repair" in hint for hint in hints)
+    told = CliRunner().invoke(app, ["dataset", "repair", str(imported.path)])
+    assert told.exit_code == 0 and "busybot dataset import" in told.stderr
+    hints += [problem.hint for problem in problems] + [told.stderr, collect_command(imported.path, imported.info)]
+    assert not any("busybot collect" in hint for hint in hints), hints

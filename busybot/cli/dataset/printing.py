@@ -83,13 +83,14 @@ def repaired(done: "Repaired") -> None:
             "whole": "saved entirely",
             "partial": f"{verdict.steps} of {verdict.of} steps saved",
             "dropped": "could not be kept",
+            "there": "the other recording that is there stays",
         }[verdict.fate]
         tell(f"episode {verdict.episode}: {kept} ({verdict.why})")
     if done.damaged:
         say(f"the damaged files are in {done.originals}")
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
     if partial:
-        say(f"shorter now: {counted(partial, 'episode')}; to record them again: --no-partial, then busybot collect")
+        say(f"shorter now: {counted(partial, 'episode')}; --no-partial drops them, and says how they come back")
     sound = counted(done.sound, "episode")
     if any(verdict.fate == "dropped" for verdict in done.damaged):
         from busybot.datasets.dataset import Dataset

@@ -294,7 +294,7 @@ def _relations(folder: Path, objects: Sequence[KnownObject]) -> tuple[tuple[int,
     hint = "a relation is a cause and an effect, by the names or numbers of objects.csv"
     if lexists(table):
         rows = read_table(inside(folder, table.name), _Relation, hint)
-        told = [(f"{table}: line {row.line}", row.cause, row.effect) for row in rows if absent(row.cause)]
+        told = [(f"{table}: line {row.line}", row.cause, row.effect) for row in rows if absent(row.cause + row.effect)]
     elif lexists(list_):
         values = read_json(inside(folder, list_.name))
         pairs = values if isinstance(values, list) else [None]

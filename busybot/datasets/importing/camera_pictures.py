@@ -28,6 +28,7 @@ from busybot.datasets.importing.time_alignment import read_time
 from busybot.episodes.codec import PNG_MAGIC, image_size
 
 FRAMES_FILE = "frames.csv"
+HINT_LINES = f"{FRAMES_FILE} has a line for each of its frames"
 _MARKER = re.compile(rb"\xff[^\x00\x01\xd0-\xd7\xff]")
 """Of a JPEG, where a segment begins: restarts and what is escaped lie among a picture's data."""
 _BEGIN, _END, _PNG_END = b"\xff\xd8", b"\xff\xd9", b"IEND\xaeB`\x82"
@@ -107,6 +108,10 @@ def _container_shots(folder: Path, name: str, timed: bool, camera: str | None) -
         )
     chosen = camera_in(file, camera)
     times = container_times(file, chosen)
+    if not times:
+        raise BusybotError(
+            f"{folder / name}: no picture of {chosen} is in it", "record it again; or name another camera"
+        )
     return [Shot(name, n, at, None, f"{folder / name}: picture {n} of {chosen}", chosen) for n, at in enumerate(times)]
 
 
@@ -123,6 +128,8 @@ def _video_shots(
         what = f"{folder / name}: when was each of its frames taken? Rates that videos tell are often wrong"
         raise BusybotError(what, "frames.csv with a column time, a line for each frame; or --fps 30")
     count = _Video(folder / name).skip(MAX_VIDEO_FRAMES + 1)  # counted: what a file's header says may be wrong
+    if not count:
+        raise BusybotError(f"{folder / name}: no picture is in it", "was the video cut? Copy it again")
     return [Shot(name, number, number / fps, None, f"{folder / name}: frame {number}") for number in range(count)]
 
 
@@ -164,7 +171,7 @@ class _Video:
         self.skip(number + 1 - self._frames)
         if self._frames <= number:
             what = f"{self._sealed.file.name} ends before this frame, {number}; it has {self._frames}"
-            raise BusybotError(what, "was the video cut? frames.csv has a line for each of its frames")
+            raise BusybotError(what, f"was the video cut? {HINT_LINES}")
         data, (height, width) = self._sealed.ask_bytes("picture")
         self._check_size(width, height)  # a video may change it midway
         return np.frombuffer(data, np.uint8).reshape(height, width, 3)
@@ -228,6 +235,9 @@ def each_colours(folder: Path, chosen: Sequence[Shot]) -> Iterator[tuple[Shot, n
         with naming(shot.where):
             rgb = film.picture(shot.number)
         yield shot, rgb
+    if film.skip(1):  # the last picture of all is always among them
+        what = f"{chosen[-1].where}: the last line, but {video.name} goes on"
+        raise BusybotError(what, f"was the table cut? {HINT_LINES}")
 
 
 def decode_picture(folder: Path, shot: Shot, name: str, flags: int) -> np.ndarray:

@@ -63,9 +63,10 @@ def camera_in(file: Path, wanted: str | None) -> str:
     """Name of the camera (HDF5) or topic (MCAP) to read.
 
     Raises:
-        BusybotError: the file has none of that name, or several and none was named.
+        BusybotError: the file has none of that name, or several and none was named; or its pictures cannot be read.
     """
-    names = _topics(_records(file), file) if file.suffix.lower() == ".mcap" else _Hdf5(file).names(IMAGES)
+    records = _records(file) if file.suffix.lower() == ".mcap" else None
+    names = _Hdf5(file).names(IMAGES) if records is None else _topics(records)
     if wanted is not None and wanted not in names:
         raise BusybotError(f"{file}: it has no camera {wanted!r}", f"it has {', '.join(names) or 'none'}")
     if wanted is None and len(names) != 1:
@@ -73,7 +74,12 @@ def camera_in(file: Path, wanted: str | None) -> str:
             f"{file}: which of its {len(names)} cameras? {', '.join(names)}" if names else f"{file}: no camera is in it"
         )
         raise BusybotError(what, HINT)
-    return wanted or names[0]
+    chosen = wanted or names[0]
+    for channel in () if records is None else records.channels.values():
+        if channel.topic == chosen and channel.message_encoding != "protobuf":
+            what = f"{file}: {chosen} is encoded as {channel.message_encoding}"
+            raise BusybotError(what, "record Foxglove's images as Protobuf")
+    return chosen
 
 
 def container_times(file: Path, camera: str) -> list[float]:
@@ -195,13 +201,10 @@ def _records(file: Path) -> Records:
     return found
 
 
-def _topics(records: Records, file: Path) -> list[str]:
-    topics = sorted(topic for topic, schema in records.schema_names.items() if schema == IMAGE_SCHEMA)
-    for channel in records.channels.values():
-        if channel.topic in topics and channel.message_encoding != "protobuf":
-            what = f"{file}: {channel.topic} is encoded as {channel.message_encoding}"
-            raise BusybotError(what, "record Foxglove's images as Protobuf")
-    return topics
+def _topics(records: Records) -> list[str]:
+    """Those with images. Of another channel the file may lack the schema: what nobody reads is no fault."""
+    names = {number: schema.name for number, schema in records.schemas.items()}
+    return sorted({one.topic for one in records.channels.values() if names.get(one.schema_id) == IMAGE_SCHEMA})
 
 
 class Sealed:

@@ -53,14 +53,25 @@ def read_table(file: Path, model: type[AnyRow], hint: str, may_be_empty: bool = 
         may_be_empty: whether names of columns alone are a table, too.
 
     Raises:
-        BusybotError: naming file and line, if there is none, or one does not fit the model.
+        BusybotError: naming file and line, if there is none, one does not fit the model, or it has more cells than
+            there are names; or a column that is read has a name twice.
     """
     rows = []
     text = read_text(file, MAX_JSON_BYTES, hint).removeprefix("\ufeff")  # which spreadsheets write
     lines = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
+        names = [name.strip() for name in lines.fieldnames or ()]
+        for name in model.model_fields:
+            if names.count(name) > 1:
+                raise BusybotError(f"{file}: its column {name!r} stands there twice", "leave one of them")
         for line in lines:
-            values = {(name or "").strip(): value for name, value in line.items() if value is not None}
+            beyond = line.pop(None, None) or ()  # where the library puts cells without a name
+            if any(absent(cell) for cell in beyond):
+                what = f"line {lines.line_num}: {len(names) + len(beyond)} cells, its first line has {len(names)}"
+                raise BusybotError(
+                    f"{file}: {what}", "write decimal points, not commas; or put texts with commas in quotes"
+                )
+            values = {name.strip(): value for name, value in line.items() if value is not None}
             rows.append(model.model_validate(values | {"line": lines.line_num}))
     except ValidationError as error:
         raise BusybotError(f"{file}: line {lines.line_num}: {first_fault(error)}", hint) from None

@@ -144,6 +144,7 @@ def check_export(recordings: Sequence[ExportedRecording], progress: Progress | N
 def _made(recordings: Sequence[ExportedRecording], name: str) -> tuple[DatasetInfo, list[BoardSpec], Episodes]:
     """What a dataset of this name says of itself, its boards, and who makes their episodes."""
     told = [recording.rows("episodes", _Episode)[0] for recording in recordings]
+    _check_alike(recordings, told)
     boards = [_board(index, found, one) for index, (found, one) in enumerate(zip(recordings, told, strict=True))]
     longest = max(recordings, key=lambda recording: recording.frames())
     where = f"{recordings[0].file('episodes')} and {longest.file('frames')}"
@@ -152,6 +153,16 @@ def _made(recordings: Sequence[ExportedRecording], name: str) -> tuple[DatasetIn
     read = zip(recordings, told, boards, strict=True)
     made = ((Path(found.place), lambda found=found, one=one, b=b: _episode(found, one, b)) for found, one, b in read)
     return info, boards, made
+
+
+def _check_alike(recordings: Sequence[ExportedRecording], told: Sequence[_Episode]) -> None:
+    """Refuse recordings of several datasets: one says these things of all its recordings, and `verify` compares."""
+    places = [f"{found.file('episodes')}: line {one.line}" for found, one in zip(recordings, told, strict=True)]
+    for place, one in zip(places, told, strict=True):
+        for name in ("policy", "seed", "split"):
+            if (value := getattr(one, name)) != (first := getattr(told[0], name)):
+                what = f"{place}: {name} is {value!r}, in {places[0]} it is {first!r}"
+                raise BusybotError(what, "import recordings that differ in it into datasets of their own")
 
 
 def _board(index: int, recording: ExportedRecording, told: _Episode) -> BoardSpec:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from busybot.common.errors import naming
-from busybot.datasets.importing.recording import KnownObject, Recording, image_camera, pixel_of
+from busybot.datasets.importing.recording import KnownObject, Recording, acted_pixel, image_camera
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Camera
 
@@ -66,9 +66,9 @@ class Proposal:
 def propose_objects(recording: Recording) -> list[KnownObject]:
     """Objects with boxes and roles; all pictures are decoded."""
     camera, pixels = recording.camera or image_camera(*recording.size), []
-    for action in recording.actions:
+    for action, shown in zip(recording.actions, recording.shown, strict=False):  # the last picture is of no action
         with naming(action.where):
-            pixels.append(action.pixel or pixel_of(camera, action.point))
+            pixels.append(acted_pixel(action, camera, shown))
     found = propose(recording.pictures(), pixels, camera)
     return [
         KnownObject("", one.role, one.box, None, f"{recording.place}: proposed object {number}")
@@ -109,7 +109,7 @@ def propose(
             place.acted += acted
     found = [Proposal("trigger" if one.moves(len(pixels)) else "responder", _box(one.mask)) for one in places]
     sides = [max(one.box[2] - one.box[0], one.box[3] - one.box[1]) for one in found]
-    half = (int(np.median(sides)) if sides else width // 16) // 2
+    half = max(1, (int(np.median(sides)) if sides else width // 16) // 2)
     for pixel in pixels:
         if pixel is not None and not any(_holds(one.box, pixel, reach) for one in found):
             u, v = pixel

@@ -387,13 +387,19 @@ def positions_of(objects: Sequence[KnownObject], camera: Camera, depth: np.ndarr
 
 def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None, shown: str) -> Step:
     with naming(told.where):
-        pixel = told.pixel or pixel_of(camera, told.point)
-        if told.pixel is not None and not (0 <= pixel[0] < camera.width and 0 <= pixel[1] < camera.height):
-            what = f"pixel {pixel} is outside of pictures of {camera.width} x {camera.height} pixels ({shown})"
-            raise BusybotError(what, "u counts columns from the left, v rows from the top, both from 0")
+        pixel = acted_pixel(told, camera, shown)
         far = 0.0 if depth is None or pixel == UNKNOWN_PIXEL else float(depth[pixel[1], pixel[0]])
         x, y, z = (float(np.float32(value)) for value in told.point or point_at(camera, pixel, far))
     return unknown_step(pixel, (x, y, z), told.direction)
+
+
+def acted_pixel(told: KnownAction, camera: Camera, shown: str) -> tuple[int, int]:
+    """The pixel of an action; BusybotError where the picture, which is called `shown`, does not have it."""
+    pixel = told.pixel or pixel_of(camera, told.point)
+    if not (0 <= pixel[0] < camera.width and 0 <= pixel[1] < camera.height):
+        what = f"pixel {pixel} is outside of pictures of {camera.width} x {camera.height} pixels ({shown})"
+        raise BusybotError(what, "u counts columns from the left, v rows from the top, both from 0")
+    return pixel
 
 
 def pixel_of(camera: Camera, point: tuple[float, float, float] | None) -> tuple[int, int]:

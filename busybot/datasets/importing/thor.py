@@ -45,7 +45,8 @@ STILL = 1e-3
 HINT = 'save {"metadata": event.metadata, "instance_detections2D": ..., "action": controller.last_action}'
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Names = Annotated[tuple[Name, ...], Field(max_length=10_000)]
-Box = tuple[int, int, int, int]
+Side = Annotated[int, Field(ge=-(10**9), le=10**9)]
+Box = tuple[Side, Side, Side, Side]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 

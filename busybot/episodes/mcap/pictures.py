@@ -113,7 +113,7 @@ class PictureFile:
         records = read_records(self.path) if self._index is None else self._index.records
         if self.checksum not in (None, records.checksum):
             what = "it was recorded again since it was opened, or its tables were made"
-            raise BusybotError(what, "open the dataset again; `busybot collect` mends tables")
+            raise BusybotError(what, "open the dataset again; `busybot dataset repair DATASET` mends tables")
         messages = records.payloads.get(topic, []) if self._index is None else self._index.read(chunk, topic)
         decode = channels.message_class(channels.SCHEMAS[channels.RGB]).FromString
         pictures = {number: decode(data).data for number, data in enumerate(messages, first)}

@@ -163,9 +163,7 @@ def refusing(where: str, what: str) -> Iterator[None]:
     """
     folder = Path(where).parent
     dataset = shlex.quote(str(folder.parent)) if folder.name == "episodes" else "DATASET"
-    hint = (
-        f"`busybot dataset repair {dataset}` saves what can be saved, then `busybot collect {dataset}` records the rest"
-    )
+    hint = f"`busybot dataset repair {dataset}` saves what can be saved, and says how the rest comes back"
     hint = HINT_COPY if "://" in where else hint
     try:
         yield

@@ -6,6 +6,7 @@ about; then how soon curiosity knows, plans, and what is left before a real came
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 from benchmarks.tables.world_gates import digest_of
@@ -16,6 +17,8 @@ from tools.tables import reaching, result, whole
 
 _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 """Figures of each seed, by world and set."""
+SUCCESSORS = "successor-validation-gates", "successor-gates"
+"""Results of the weights that ship, until they are judged on all sets and take the place of those before."""
 
 
 def gates_glance() -> str:
@@ -136,10 +139,16 @@ def pipeline_gates() -> str:
     return markdown([plain_grid(heads, lines, "percent after 22 actions")])
 
 
-def _judged() -> _Judged:
+def successor_gates() -> str:
+    """The gates of the weights that took the place of those of `world_gates`, on the sets on which they were judged so
+    far, beside those."""
+    return markdown([_gates_grid(_judged(SUCCESSORS), before=_judged())])
+
+
+def _judged(names: tuple[str, ...] = ("validation-gates", "world-gates")) -> _Judged:
     """The rows of the validation sets and of the test sets, all of the same models."""
     told: _Judged = {}
-    files = [result(name)["rows"] for name in ("validation-gates", "world-gates")]
+    files = [result(name)["rows"] for name in names]
     for world in dict.fromkeys(world for rows in files for world in rows):
         for split, seeds in (cell for rows in files for cell in rows.get(world, {}).items()):
             told[world, split] = list(seeds.values())
@@ -160,23 +169,25 @@ def _check_judged(told: _Judged) -> None:
     for judged in ("model", "policy"):
         weights = {frozenset(digest_of(one[judged]) for one in seeds) for seeds in told.values()}
         if len(weights) > 1:
-            what = f"validation-gates, world-gates, curious-gates: the {judged} is not that of all sets"
+            what = f"gates of {', '.join(sorted({split for _, split in told}))}: the {judged} is not that of all sets"
             raise BusybotError(what, "judge all of them with the same ones; put one result in the place of the other")
 
 
-def _gates_grid(told: _Judged) -> Grid:
-    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate."""
-    splits = list(dict.fromkeys(split for _, split in told))
+def _gates_grid(told: _Judged, before: _Judged | None = None) -> Grid:
+    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate; of other
+    models on the same sets, too, if `before` has them."""
+    sides = {"": told} if before is None else {"before: ": before, "": told}
+    heads = [side + split for split in dict.fromkeys(split for _, split in told) for side in sides]
     found: dict[tuple[str, str, str], dict[str, str]] = {}
-    for (world, split), seeds in told.items():
-        for own in zip(*(_gates(world, split, one) for one in seeds), strict=True):
+    for (world, split), (side, judged) in product(told, sides.items()):
+        for own in zip(*(_gates(world, split, one) for one in judged[world, split]), strict=True):
             line = found.setdefault((world, own[0].words, own[0].asked), {})
-            line[split] = _seeds_cell([gate.value for gate in own], own[0])
+            line[side + split] = _seeds_cell([gate.value for gate in own], own[0])
     lines = [
-        (f"{world}: {words}", [asked, *(cells.get(split, "") for split in splits)])
+        (f"{world}: {words}", [asked, *(cells.get(head, "") for head in heads)])
         for (world, words, asked), cells in found.items()
     ]
-    return plain_grid(("asked", *splits), lines, "percent, or points")
+    return plain_grid(("asked", *heads), lines, "percent, or points")
 
 
 def _seeds_cell(values: list[float | None], gate: "_Gate", more: str = "") -> str:

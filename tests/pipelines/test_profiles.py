@@ -101,6 +101,21 @@ def test_what_is_wrong_is_named_with_file_and_place(copied: Path, file: str, old
         read_profile("laptop", copied)
 
 
+@pytest.mark.parametrize(
+    "line",
+    ["interaction: {strict: true}", "inputs: rgb", "responders: false", "interaction: {reward: joints, delta: 100}"],
+)
+def test_a_training_of_another_row_is_not_told_as_ours(copied: Path, line: str) -> None:
+    """It would be called ours of free mode, and held to its gate."""
+    file = copied / "laptop" / "interact.yaml"
+    file.write_text(f"{file.read_text()}{line}\n")
+    name = line.partition(": ")[0]
+    with pytest.raises(BusybotError, match=rf"laptop/interact\.yaml: parameter {name}(.|\n)*benchmarks\.tables\.table1"):
+        read_profile("laptop", copied)
+    file.write_text("interaction: {strict: false, delta: 400}\ninputs: depth\nwindow: 5000\n")
+    assert read_profile("laptop", copied).interact.model == "fast"
+
+
 def test_a_profile_becomes_the_pipelines_values(copied: Path, tmp_path: Path) -> None:
     params = tmp_path / "params.yaml"
     install("smoke", params, folder=copied)

@@ -219,6 +219,21 @@ def test_a_stage_depends_on_the_objects_and_on_all_code_that_its_commands_use() 
         assert ("${objects}" in deps) == ("--assets" in stage["cmd"]), name
 
 
+def test_it_is_told_which_stages_begin_anew() -> None:
+    """DVC removes what they left behind before they run again."""
+    text, guide = (ROOT / "dvc.yaml").read_text(), (ROOT / "docs" / "guides" / "reproduce.md").read_text()
+    stages = {name: stage.get("do", stage) for name, stage in yaml.safe_load(text)["stages"].items()}
+    made = {name: [*stage.get("outs", []), *stage.get("metrics", [])] for name, stage in stages.items()}
+    kept = {name for name, outs in made.items() if all(isinstance(one, dict) and _persists(one) for one in outs)}
+    *names, last = (f"`{name}`" for name in stages if name not in kept)
+    told = f"{', '.join(names)} and {last} begin anew"
+    assert told in " ".join(text.replace("\n# ", "\n").split()) and told in guide
+
+
+def _persists(out: dict[str, Any]) -> bool:
+    return all(options.get("persist", False) for options in out.values())
+
+
 def folders(module: str) -> set[str]:
     """Of the package, those with modules that a module imports, directly or not."""
     known, todo = set[Path](), {module}

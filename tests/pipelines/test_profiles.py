@@ -22,7 +22,7 @@ from busybot.view.report.report import write_report
 from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, profile_of, read_profile
 from pipelines.stage import Note, begin, key_of, note_of, run
 from pipelines.summary import metrics
-from pipelines.tables import interaction, notes, planning, reasoning, typed
+from pipelines.tables import interaction, notes, planning, reasoning, stages_of, typed
 from tests.test_imports import PACKAGE, uses
 from tests.view.report.test_report import DATASET, reasoned
 
@@ -187,6 +187,8 @@ def test_busybot_takes_the_commands_of_every_stage(name: str, tmp_path: Path) ->
     assert names.count("features") == len(profile.data.sets) and names.count("eval plan") == 2 * cells
     assert names.count("eval interact") == 2 * len(profile.judge.splits)
     assert names.count("eval reason") == sets * (1 + len(profile.relations.baselines))
+    outs = [words[words.index("pipelines.stage") + 1] for line in lines if "pipelines.stage" in (words := line.split())]
+    assert sorted(outs) == sorted(f"runs/{name}/{one}" for one in stages_of(profile)), "all of them are noted"
     assert names.count("generate") == len(profile.judge.splits) + len(profile.data.sets) + cells
 
 
@@ -270,21 +272,21 @@ def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_change
     second = begin([out], "a", asked)
     assert second.seconds > 0 and not second.done and out.exists()
     assert run(asked, second, note_of(out)) == 0
-    ((name, third),) = notes(tmp_path)
+    ((name, third),) = notes(tmp_path, read_profile("smoke"))
     assert name == "data/train" and third.seconds > second.seconds and third.done
     assert begin([out], "b", asked).seconds == 0 and not out.exists()
 
 
 def test_costs_of_complete_runs_do_not_add_up(tmp_path: Path) -> None:
-    out, asked = tmp_path / "out", [["--version"]]
+    out, asked, profile = tmp_path / "interact", [["--version"]], read_profile("smoke")
     out.mkdir()
     done = Note(key="a", commands=asked, seconds=9900.0, cpu_seconds=8800.0, done=True)
     write_json(note_of(out), done.model_dump())
     assert run(asked, begin([out], "a", asked), note_of(out)) == 0
-    assert [one for _, one in notes(tmp_path)] == [done], "its outputs were there"
+    assert [one for _, one in notes(tmp_path, profile)] == [done], "its outputs were there"
     out.rmdir()
     assert run(asked, begin([out], "a", asked), note_of(out)) == 0
-    assert 0 < next(one for _, one in notes(tmp_path)).seconds < 9900, "this run made them"
+    assert 0 < next(one for _, one in notes(tmp_path, profile)).seconds < 9900, "this run made them"
 
 
 def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:
@@ -339,6 +341,7 @@ def test_what_a_profile_no_longer_asks_for_is_in_no_table(tmp_path: Path) -> Non
     acted = {"precision": 0.9, "recall": 0.9, "precision_exploring": 0.9, "boards": 3}
     for split in ("novel-config", "novel-object"):
         for suffix in ("", "-random"):
+            begin([tmp_path / f"judged/{split}{suffix}"], "k", [["eval", "interact"]])
             write_json(tmp_path / f"judged/{split}{suffix}/result.json", acted)
     inferred = reasoned() | {"edge_r_bound": None, "pred_a_bound": None, "boards": 3}
     for name in ("validation", "novel-config", "novel-config-count", "novel-config-lookup"):
@@ -352,6 +355,7 @@ def test_what_a_profile_no_longer_asks_for_is_in_no_table(tmp_path: Path) -> Non
     }
     asked = asked.model_copy(update=less)
     acting, inferring, playing = (table(tmp_path, asked) for table in (interaction, reasoning, planning))
+    assert {name for name, _ in notes(tmp_path, asked)} == {"judged/novel-config", "judged/novel-config-random"}
     assert set(acting["random"]) == {"training", "commands", "novel-config"}
     assert {name: set(row["splits"]) for name, row in inferring.items()} == {
         "event": {"novel-config"},

@@ -20,6 +20,7 @@ from busybot.common import plugins
 from busybot.common.atomic_io import write_atomically
 from busybot.common.config import build, flat
 from busybot.common.errors import BusybotError, naming
+from busybot.evaluation.reference_tables import INTERACTION
 from busybot.objects.resolve import find
 
 FOLDER = Path(__file__).resolve().parent
@@ -33,6 +34,9 @@ objects: {}
 
 OTHER_ROWS = ("inputs", "responders", "interaction.reward", "interaction.strict")
 """Parameters of `interact.yaml` with other values than the default in other rows of Table 1 than ours of free mode."""
+
+FREE_SEEDS = sum(row.gate == "free" for row in INTERACTION.rows)
+"""Table 1 has a row of ours for each seed below it; those of strict mode are fewer, and no profile's."""
 
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
@@ -152,12 +156,13 @@ class Profile(_Plain):
     Attributes:
         profile: its name, that of its folder.
         assets: `procedural`, or a folder of annotated objects.
-        seed: of the trainings and of the draws while judging; Table 1 has rows for three.
+        seed: of the trainings and of the draws while judging; Table 1 has rows of ours in free mode for 0 to 4, and
+            Tables 2 and 3 name no row by a seed.
     """
 
     profile: Name
     assets: Annotated[str, Field(pattern=r'^[^"$`\\\x00-\x1f]+$')]
-    seed: Annotated[int, Field(ge=0, le=2)]
+    seed: Annotated[int, Field(ge=0, lt=FREE_SEEDS)]
     interact: Interact
     judge: Judge
     data: Data

@@ -15,6 +15,7 @@ from busybot.cli.main import load_command
 from busybot.common.atomic_io import write_json
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
+from busybot.evaluation.reference_tables import INTERACTION
 from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
@@ -98,6 +99,19 @@ def test_what_is_wrong_is_named_with_file_and_place(copied: Path, file: str, old
     assert old in text
     (copied / "laptop" / file).write_text(text.replace(old, new, 1))
     with pytest.raises(BusybotError, match=message):
+        read_profile("laptop", copied)
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_every_seed_that_a_profile_may_have_is_a_row_of_table_1(copied: Path, tmp_path: Path, seed: int) -> None:
+    file = copied / "laptop" / "params.yaml"
+    text = file.read_text()
+    file.write_text(text.replace("seed: 0", f"seed: {seed}", 1))
+    profile = read_profile("laptop", copied)
+    write_json(tmp_path / "interact/model/model.json", {"variant": "fast", "training": {"seed": profile.seed}})
+    assert set(interaction(tmp_path, profile)) <= {row.name for row in INTERACTION.rows}
+    file.write_text(text.replace("seed: 0", "seed: 5", 1))
+    with pytest.raises(BusybotError, match=r"laptop/params\.yaml: parameter seed: "):
         read_profile("laptop", copied)
 
 

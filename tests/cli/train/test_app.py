@@ -91,6 +91,7 @@ def test_what_no_network_reads_is_refused(tmp_path: Path, rounds: list[Path]) ->
         ("direction.jitter=5", "direction.jitter: the direction network looks at the middle"),
         ("position.dropout=0.2", "position.dropout: only the direction network has it"),
         ("position.direction_weight=1", "position.direction_weight: only the direction network has it"),
+        ("direction.augmentation.colour=0.1", "direction.augmentation.colour: with inputs=depth the networks see no"),
     ):
         result = run(*arguments(tmp_path / "run", rounds, "--set", wrong))
         assert result.exit_code == 2 and message in " ".join(result.stderr.split())

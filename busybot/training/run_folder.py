@@ -93,7 +93,9 @@ class Metrics:
     ):
         self._path, self._name, self._start, self._until, self._every = path, name, start, until, every
         kept = (line for line in read_metrics(path) if line["iteration"] <= resumed)
-        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] < until]
+        # figures at the end are this round's own, which it repeats, or of the round before where it has no iterations
+        before = until - 1 if until > start else start
+        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] <= before]
         self._losses = [] if losses is None else losses
         self._began, self._first, self._told = time.monotonic(), resumed, time.monotonic()
 

@@ -17,7 +17,7 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
 from pipelines.profile import Profile, profile_of
-from pipelines.stage import Note, note_of
+from pipelines.stage import Note, note_of, read_note
 
 NOVEL = ("novel-config", "novel-object")
 
@@ -91,7 +91,7 @@ def notes(run: Path, asked: Profile) -> Iterator[tuple[str, Note]]:
     """What is known of every stage that the profile asks for, in the order in which they ended."""
     files = {name: file for name in stages_of(asked) if (file := note_of(run / name)).is_file()}
     for name in sorted(files, key=lambda name: files[name].stat().st_mtime_ns):
-        yield name, Note.model_validate(read_json(files[name]))
+        yield name, read_note(files[name])
 
 
 def stages_of(asked: Profile) -> list[str]:
@@ -108,8 +108,7 @@ def typed(outs: list[Path]) -> list[str]:
     """The commands that made these outputs, without the place of objects on this machine."""
     found: dict[str, None] = {}
     for out in outs:
-        told = _known(note_of(out))
-        for command in [] if told is None else Note.model_validate(told).commands:
+        for command in read_note(file).commands if (file := note_of(out)).is_file() else []:
             hidden = ["ASSETS" if _names_objects(command, place) else word for place, word in enumerate(command)]
             found[" ".join(["busybot", *hidden])] = None
     return list(found)
@@ -120,8 +119,8 @@ def _names_objects(command: list[str], place: int) -> bool:
 
 
 def _cost(out: Path) -> dict[str, float] | None:
-    told = _known(note_of(out))
-    return None if told is None else {"seconds": Note.model_validate(told).seconds}
+    file = note_of(out)
+    return {"seconds": read_note(file).seconds} if file.is_file() else None
 
 
 def _known(file: Path) -> Any:

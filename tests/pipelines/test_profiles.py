@@ -291,6 +291,19 @@ def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_change
     assert begin([out], "b", asked).seconds == 0 and not out.exists()
 
 
+@pytest.mark.parametrize("text", ['{"key": "a", ', "[" * 100_000, "[]", '{"key": "a"}', '{"key": 3, "commands": []}'])
+def test_a_damaged_note_is_named(tmp_path: Path, text: str) -> None:
+    out = tmp_path / "interact"
+    begin([out], "a", [["--version"]])
+    note_of(out).write_text(text)
+    profile = read_profile("smoke")
+    for reading in (lambda: begin([out], "a", []), lambda: list(notes(tmp_path, profile)), lambda: typed([out])):
+        with pytest.raises(BusybotError, match=r"\.stages/interact\.json: (.|\n)*hint: remove it: the stage begins anew"):
+            reading()
+    note_of(out).unlink()
+    assert not begin([out], "a", [["--version"]]).done
+
+
 def test_costs_of_complete_runs_do_not_add_up(tmp_path: Path) -> None:
     out, asked, profile = tmp_path / "interact", [["--version"]], read_profile("smoke")
     out.mkdir()

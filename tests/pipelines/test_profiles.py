@@ -124,7 +124,9 @@ def test_a_training_of_another_row_is_not_told_as_ours(copied: Path, line: str) 
     file = copied / "laptop" / "interact.yaml"
     file.write_text(f"{file.read_text()}{line}\n")
     name = line.partition(": ")[0]
-    with pytest.raises(BusybotError, match=rf"laptop/interact\.yaml: parameter {name}(.|\n)*benchmarks\.tables\.table1"):
+    with pytest.raises(
+        BusybotError, match=rf"laptop/interact\.yaml: parameter {name}(.|\n)*benchmarks\.tables\.table1"
+    ):
         read_profile("laptop", copied)
     file.write_text("interaction: {strict: false, delta: 400}\ninputs: depth\nwindow: 5000\n")
     assert read_profile("laptop", copied).interact.model == "fast"
@@ -298,7 +300,9 @@ def test_a_damaged_note_is_named(tmp_path: Path, text: str) -> None:
     note_of(out).write_text(text)
     profile = read_profile("smoke")
     for reading in (lambda: begin([out], "a", []), lambda: list(notes(tmp_path, profile)), lambda: typed([out])):
-        with pytest.raises(BusybotError, match=r"\.stages/interact\.json: (.|\n)*hint: remove it: the stage begins anew"):
+        with pytest.raises(
+            BusybotError, match=r"\.stages/interact\.json: (.|\n)*hint: remove it: the stage begins anew"
+        ):
             reading()
     note_of(out).unlink()
     assert not begin([out], "a", [["--version"]]).done

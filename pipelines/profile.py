@@ -18,8 +18,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from busybot.common import plugins
 from busybot.common.atomic_io import write_atomically
-from busybot.common.config import build
+from busybot.common.config import build, flat
 from busybot.common.errors import BusybotError, naming
+from busybot.evaluation.reference_tables import INTERACTION
 from busybot.objects.resolve import find
 
 FOLDER = Path(__file__).resolve().parent
@@ -30,6 +31,12 @@ OBJECTS = """
 # Where these objects lie, for DVC to notice when they change; pipelines/profile.py says it.
 objects: {}
 """
+
+OTHER_ROWS = ("inputs", "responders", "interaction.reward", "interaction.strict")
+"""Parameters of `interact.yaml` with other values than the default in other rows of Table 1 than ours of free mode."""
+
+FREE_SEEDS = sum(row.gate == "free" for row in INTERACTION.rows)
+"""Table 1 has a row of ours for each seed below it; those of strict mode are fewer, and no profile's."""
 
 Count = Annotated[int, Field(ge=1)]
 Seed = Annotated[int, Field(ge=0)]
@@ -149,12 +156,13 @@ class Profile(_Plain):
     Attributes:
         profile: its name, that of its folder.
         assets: `procedural`, or a folder of annotated objects.
-        seed: of the trainings and of the draws while judging; Table 1 has rows for three.
+        seed: of the trainings and of the draws while judging; Table 1 has rows of ours in free mode for 0 to 4, and
+            Tables 2 and 3 name no row by a seed.
     """
 
     profile: Name
     assets: Annotated[str, Field(pattern=r'^[^"$`\\\x00-\x1f]+$')]
-    seed: Annotated[int, Field(ge=0, le=2)]
+    seed: Annotated[int, Field(ge=0, lt=FREE_SEEDS)]
     interact: Interact
     judge: Judge
     data: Data
@@ -216,11 +224,22 @@ def read_profile(name: str, folder: Path = FOLDER) -> Profile:
     profile = build(Profile, place / PARAMS, [], {})
     if profile.profile != name:
         raise BusybotError(f"{place / PARAMS}: parameter profile: it is not the folder's name, {name}")
-    for file, kind in stage_configs(profile).items():
-        build(kind, place / file, [], {})
+    configs = {file: build(kind, place / file, [], {}) for file, kind in stage_configs(profile).items()}
+    if profile.interact.model == "fast":
+        _check_row(place / "interact.yaml", configs["interact.yaml"])
     _check_agents(place / PARAMS, profile.tasks)
     _check_encoder(place / PARAMS, profile.reason.encoder)
     return profile
+
+
+def _check_row(file: Path, asked: BaseModel) -> None:
+    """Refuse a training that is another row of Table 1: the pipeline judges it as ours of free mode, and says so."""
+    ours, values = (flat(config.model_dump(mode="json")) for config in (type(asked)(), asked))
+    for name in OTHER_ROWS:
+        if values[name] != ours[name]:
+            what = f"with {json.dumps(values[name])} it is another row of Table 1 than the one that the pipeline makes"
+            hint = f"the default is {json.dumps(ours[name])}; python -m benchmarks.tables.table1 trains the other rows"
+            raise BusybotError(f"{file}: parameter {name}: {what}", hint)
 
 
 def _check_agents(file: Path, tasks: Tasks) -> None:

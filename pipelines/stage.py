@@ -18,10 +18,12 @@ import time
 from itertools import pairwise
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from busybot.common import plugins
-from busybot.common.atomic_io import write_json
+from busybot.common.atomic_io import read_json, write_json
+from busybot.common.errors import BusybotError
+from busybot.common.frozen_model import first_fault
 from busybot.evaluation.results import code_digest
 
 ASSETS = "--assets"
@@ -71,6 +73,21 @@ def note_of(out: Path) -> Path:
     return out.parent / STATE / f"{out.name}.json"
 
 
+def read_note(file: Path) -> Note:
+    """A note that is there.
+
+    Raises:
+        BusybotError: it is damaged; names the file.
+    """
+    hint = "remove it: the stage begins anew"
+    try:
+        return Note.model_validate(read_json(file))
+    except ValidationError as error:
+        raise BusybotError(f"{file}: {first_fault(error)}", hint) from None
+    except BusybotError as error:
+        raise BusybotError(error.what, hint) from None
+
+
 def key_of(commands: list[list[str]], inputs: list[Path]) -> str:
     """Digest of all that decides what the commands make."""
     parts = [code_digest(), *plugins.packages().values(), *map(digest, inputs), *objects(commands).values()]
@@ -83,10 +100,10 @@ def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
     What an earlier run took counts if it was interrupted; of one that was done, as long as its outputs are there.
     """
     file = note_of(outs[0])
-    known = json.loads(file.read_text()) if file.is_file() else {}
-    same = known.get("key") == key
-    if same and (not known.get("done") or all(out.exists() for out in outs)):
-        return Note.model_validate(known)
+    known = read_note(file) if file.is_file() else Note(key="", commands=[])
+    same = known.key == key
+    if same and (not known.done or all(out.exists() for out in outs)):
+        return known
     for out in outs if not same else []:
         shutil.rmtree(out, ignore_errors=True)
     note = Note(key=key, commands=commands)
@@ -146,4 +163,7 @@ def _split(words: list[str]) -> list[list[str]]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except BusybotError as error:
+        sys.exit(f"error: {error}")

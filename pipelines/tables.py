@@ -17,7 +17,7 @@ from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
 from pipelines.profile import Profile, profile_of
-from pipelines.stage import STATE, Note, note_of
+from pipelines.stage import Note, note_of, read_note
 
 NOVEL = ("novel-config", "novel-object")
 
@@ -87,20 +87,28 @@ def planning(run: Path, asked: Profile) -> dict[str, Any]:
     return {agent: {"commands": commands, **row} for agent, row in rows.items() if row["splits"]}
 
 
-def notes(run: Path) -> Iterator[tuple[str, Note]]:
-    """What is known of every stage, in the order in which they ended."""
-    files = sorted(run.rglob(f"{STATE}/*.json"), key=lambda file: file.stat().st_mtime_ns)
-    for file in files:
-        name = (file.parent.parent / file.stem).relative_to(run).as_posix()
-        yield name, Note.model_validate(read_json(file))
+def notes(run: Path, asked: Profile) -> Iterator[tuple[str, Note]]:
+    """What is known of every stage that the profile asks for, in the order in which they ended."""
+    files = {name: file for name in stages_of(asked) if (file := note_of(run / name)).is_file()}
+    for name in sorted(files, key=lambda name: files[name].stat().st_mtime_ns):
+        yield name, read_note(files[name])
+
+
+def stages_of(asked: Profile) -> list[str]:
+    """What the stages that are noted make, beneath the folder of a run."""
+    acted = [(f"judge/{one}", f"judged/{one}", f"judged/{one}-random") for one in asked.judge.splits]
+    recorded = [(f"data/{one}", f"data/{one}.features") for one in asked.data.sets]
+    inferred = [(one, *(f"{one}-{model}" for model in asked.relations.baselines)) for one in asked.relations.sets]
+    played = [(f"tasks/{one}", f"planned/{one}", f"rollouts/{one}") for one in asked.tasks.cells]
+    names = [name for several in (*acted, *recorded, *played) for name in several]
+    return ["interact", "reason", *names, *(f"relations/{name}" for several in inferred for name in several)]
 
 
 def typed(outs: list[Path]) -> list[str]:
     """The commands that made these outputs, without the place of objects on this machine."""
     found: dict[str, None] = {}
     for out in outs:
-        told = _known(note_of(out))
-        for command in [] if told is None else Note.model_validate(told).commands:
+        for command in read_note(file).commands if (file := note_of(out)).is_file() else []:
             hidden = ["ASSETS" if _names_objects(command, place) else word for place, word in enumerate(command)]
             found[" ".join(["busybot", *hidden])] = None
     return list(found)
@@ -111,8 +119,8 @@ def _names_objects(command: list[str], place: int) -> bool:
 
 
 def _cost(out: Path) -> dict[str, float] | None:
-    told = _known(note_of(out))
-    return None if told is None else {"seconds": Note.model_validate(told).seconds}
+    file = note_of(out)
+    return {"seconds": read_note(file).seconds} if file.is_file() else None
 
 
 def _known(file: Path) -> Any:
@@ -131,7 +139,7 @@ def main() -> None:
     for name, rows in tables.items():
         figures = {"profile": run.name, "assets": ", ".join(sorted(assets)), "rows": rows}
         write_result(run / "tables" / f"{name}.json", {**stamp(name, command=command), **figures})
-    stages = {name: note.model_dump(include={"seconds", "cpu_seconds", "done"}) for name, note in notes(run)}
+    stages = {name: note.model_dump(include={"seconds", "cpu_seconds", "done"}) for name, note in notes(run, asked)}
     write_result(run / "tables" / "stages.json", {**stamp("stages", command=command), "stages": stages})
 
 

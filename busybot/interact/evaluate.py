@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from busybot.boards.directions import DIRECTIONS, annotated_directions
+from busybot.common.errors import naming
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
@@ -176,7 +177,8 @@ def make_work(evaluation: PolicyEvaluation) -> Callable[[int], m.JudgedBoard]:
 
     def work(index: int) -> m.JudgedBoard:
         board, factory = evaluation.dataset.board(index), evaluation.factory
-        episode = record_episode(simulator, board, factory, config.actions, config.interaction, evaluation.seed)
+        with naming(evaluation.dataset.board_place(index)):
+            episode = record_episode(simulator, board, factory, config.actions, config.interaction, evaluation.seed)
         if recorded is not None:
             write_episode(recorded.episode_path(index), episode, "jpeg", recorded.path)
         judged = judge_episode(episode, annotated, config.interaction.delta)

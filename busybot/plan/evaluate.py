@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from busybot.boards.task import shortest_plan, start_states, task_of
-from busybot.common.errors import BusybotError, UsageError
+from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.process_pool import Progress
 from busybot.common.rng import generator
 from busybot.common.text import one_line
@@ -123,10 +123,13 @@ def make_work(evaluation: PlanEvaluation) -> Callable[[int], m.JudgedTask]:
 
     def work(index: int) -> m.JudgedTask:
         history = read_episode(dataset.episode_path(index), "lazy")
-        task = player.prepare(history, features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index])
+        features = features_of(dataset, loaded.encoder, episodes=[index], workers=1)[index]
+        with naming(dataset.board_place(index)):
+            task = player.prepare(history, features)
         rollouts = []
         for agent in evaluation.agents:
-            played = player.play(task, agent)
+            with naming(dataset.board_place(index)):
+                played = player.play(task, agent)
             rollouts.append(played.judged)
             if agent in stored:
                 write_episode(stored[agent].episode_path(index), played.episode, "jpeg", stored[agent].path)

@@ -25,6 +25,8 @@ from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, write_info
 
 Network = TypeVar("Network", bound=nn.Module)
 NETWORK, OPTIMIZER = "network.", "optimizer."
+PRECISIONS = (torch.float16, torch.bfloat16, torch.float32, torch.float64)
+"""What weights that are no integers may be: of some narrower types PyTorch cannot tell whether they are finite."""
 
 
 @dataclass
@@ -54,7 +56,7 @@ def load_tensors(path: Path) -> Checkpoint:
             header = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.offset_keys()}
         return Checkpoint(tensors, json.loads(header.get("values", "{}")))
-    except (SafetensorError, OSError, ValueError) as error:
+    except (SafetensorError, OSError, ValueError, RecursionError) as error:
         raise BusybotError(f"{path}: damaged: {error}", "remove it, or copy it again") from None
 
 
@@ -95,6 +97,9 @@ def network_with(make: Callable[[], Network], tensors: dict[str, Tensor], where:
 def load_weights(network: nn.Module, tensors: dict[str, Tensor], where: Path) -> None:
     """Give a network its weights; refuses those of another network, and what is no finite number."""
     for name, tensor in tensors.items():
+        if (tensor.is_floating_point() or tensor.is_complex()) and tensor.dtype not in PRECISIONS:
+            kind = str(tensor.dtype).removeprefix("torch.")
+            raise BusybotError(f"{where}: {name} holds {kind}, which no weights are", "copy the model again")
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
             raise BusybotError(
                 f"{where}: {name} holds NaN or infinite values", "copy the model again, or train it again"

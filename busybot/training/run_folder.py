@@ -93,7 +93,9 @@ class Metrics:
     ):
         self._path, self._name, self._start, self._until, self._every = path, name, start, until, every
         kept = (line for line in read_metrics(path) if line["iteration"] <= resumed)
-        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] < until]
+        # figures at the end are this round's own, which it repeats, or of the round before where it has no iterations
+        before = until - 1 if until > start else start
+        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] <= before]
         self._losses = [] if losses is None else losses
         self._began, self._first, self._told = time.monotonic(), resumed, time.monotonic()
 
@@ -136,8 +138,24 @@ def told(figures: Mapping[str, float | None]) -> dict[str, float | None]:
 
 
 def read_metrics(path: Path) -> list[dict[str, Any]]:
-    """The lines of a metrics file, none if it does not exist."""
-    return [json.loads(line) for line in read_text(path, MAX_LINES_BYTES).splitlines()] if path.exists() else []
+    """The lines of a metrics file, none if it does not exist.
+
+    Raises:
+        BusybotError: naming the line that is damaged.
+    """
+    lines = read_text(path, MAX_LINES_BYTES).splitlines() if path.exists() else []
+    return [_metric(line, f"{path}: line {number}") for number, line in enumerate(lines, start=1)]
+
+
+def _metric(text: str, place: str) -> dict[str, Any]:
+    hint = "remove the line, or the file: no weights depend on it"
+    try:
+        line = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise BusybotError(f"{place}: not valid JSON: {error}", hint) from None
+    if not isinstance(line, dict) or not isinstance(line.get("iteration", line.get("epoch")), int):
+        raise BusybotError(f"{place}: it tells of no iteration or epoch", hint)
+    return line
 
 
 WIDTH_INCHES, ROW_INCHES = 11.0, 3.25

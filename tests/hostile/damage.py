@@ -267,6 +267,27 @@ def odd_weights(data: bytes, rng: np.random.Generator) -> bytes:
     return data[:start] + values.tobytes()
 
 
+NUMBER_KINDS = {"F8_E4M3": 1, "F8_E5M2": 1, "F8_E8M0": 1, "C64": 8, "F16": 2, "F64": 8, "I32": 4, "BOOL": 1}
+"""What safetensors knows, with the bytes that one takes."""
+
+
+def odd_tensors(data: bytes, rng: np.random.Generator) -> bytes:
+    """The last tensor holds another kind of numbers, or what stands beside the tensors is nested without end."""
+    start = 8 + int.from_bytes(data[:8], "little")
+    head, body = json.loads(data[8:start]), data[start:]
+    if rng.random() < 0.25:
+        head["__metadata__"] = {"values": "[" * 100_000}
+    else:
+        tensors = [one for name, one in head.items() if name != "__metadata__"]
+        last = max(tensors, key=lambda one: one["data_offsets"][1])
+        last["dtype"] = sorted(NUMBER_KINDS)[int(rng.integers(len(NUMBER_KINDS)))]
+        begin, end = last["data_offsets"]
+        size = (end - begin) // 4 * NUMBER_KINDS[last["dtype"]]
+        last["data_offsets"], body = [begin, begin + size], body[:begin] + (body[begin:end] * 2)[:size]
+    text = json.dumps(head).encode()
+    return struct.pack("<Q", len(text)) + text + body
+
+
 def _replace(pattern: bytes, data: bytes, by: bytes, rng: np.random.Generator) -> bytes:
     """One of the pattern's places, or garbage where there is none."""
     found = list(re.finditer(pattern, data))

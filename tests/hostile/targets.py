@@ -47,7 +47,7 @@ from busybot.reason.models.registry import load_reasoner
 from busybot.training.model_cards import find_folder
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
-from tests.hostile.damage import ANY, JSON, TEXT, Damage, array_header, odd_weights, other_number
+from tests.hostile.damage import ANY, JSON, TEXT, Damage, array_header, odd_tensors, odd_weights, other_number
 from tests.hostile.recordings import BOMBS, WITHIN
 
 Read = Callable[[Path], Any]
@@ -171,6 +171,13 @@ def _model(folder: Path) -> None:
     from busybot.interact.affordance.load import find_model
 
     shutil.copytree(find_model("procedural"), folder / "m")
+
+
+def _strangers_model(folder: Path) -> None:
+    """A card without hashes, as older models have it: all depends on what the weights themselves are."""
+    _model(folder)
+    card = folder / "m" / "model.json"
+    card.write_text(json.dumps(json.loads(card.read_text()) | {"files": {}}))
 
 
 def _weights(folder: Path) -> Any:
@@ -447,6 +454,9 @@ TARGETS: dict[str, Target] = {
     "dvc pointer": Target(_pointer, "toys.dvc", TEXT, lambda folder: read_pointer(folder / "toys.dvc", "toys"), False),
     "yaml": Target(_config, "boards.yaml", TEXT, _built, False),
     "safetensors": Target(_model, "m/*.safetensors", (*ANY, odd_weights, odd_weights), _weights, True, "models", 2),
+    "safetensors of strangers": Target(
+        _strangers_model, "m/*.safetensors", (*ANY, odd_weights, *[odd_tensors] * 4), _weights, False, "models", 2
+    ),
     "model.json": Target(_model, "m/model.json", (*TEXT, *JSON), _weights, False, "models", 2),
     "model.json of relations": Target(
         _reasoner, "m/model.json", (*JSON, *JSON, other_number), _reasons, False, "models", 2

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from busybot.boards.config import BoardConfig
+from busybot.boards.spec import BoardCamera
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.datasets.create import create_dataset
@@ -83,6 +84,15 @@ def test_another_measurement_in_the_same_folder_is_refused(dataset: Dataset, tmp
     (tmp_path / "other" / "notes.txt").write_text("mine")
     with pytest.raises(BusybotError, match="holds no evaluation"):
         run(dataset, out=tmp_path / "other")
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_board_that_its_camera_does_not_see_is_named(tmp_path: Path) -> None:
+    made = create_dataset(tmp_path / "data", BoardConfig(boards=2, group_size=1), find("procedural"))
+    camera = BoardCamera(position=(0, 0, 0.5), target=(0, 0, 0), fov_deg=60)
+    made.replace_board(made.board(1).model_copy(update={"camera": camera}))
+    with pytest.raises(BusybotError, match=r"boards-00000\.jsonl: line 2: .*its camera: the target is 0\.5 away"):
+        run(made)
 
 
 @pytest.mark.usefixtures("in_process")

@@ -15,6 +15,7 @@ from busybot.cli.main import load_command
 from busybot.common.atomic_io import write_json
 from busybot.common.config import build
 from busybot.common.errors import BusybotError
+from busybot.evaluation.reference_tables import INTERACTION
 from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
@@ -22,7 +23,7 @@ from busybot.view.report.report import write_report
 from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, profile_of, read_profile
 from pipelines.stage import Note, begin, key_of, note_of, run
 from pipelines.summary import metrics
-from pipelines.tables import interaction, notes, planning, reasoning, typed
+from pipelines.tables import interaction, notes, planning, reasoning, stages_of, typed
 from tests.test_imports import PACKAGE, uses
 from tests.view.report.test_report import DATASET, reasoned
 
@@ -101,6 +102,36 @@ def test_what_is_wrong_is_named_with_file_and_place(copied: Path, file: str, old
         read_profile("laptop", copied)
 
 
+@pytest.mark.parametrize("seed", [0, 4])
+def test_every_seed_that_a_profile_may_have_is_a_row_of_table_1(copied: Path, tmp_path: Path, seed: int) -> None:
+    file = copied / "laptop" / "params.yaml"
+    text = file.read_text()
+    file.write_text(text.replace("seed: 0", f"seed: {seed}", 1))
+    profile = read_profile("laptop", copied)
+    write_json(tmp_path / "interact/model/model.json", {"variant": "fast", "training": {"seed": profile.seed}})
+    assert set(interaction(tmp_path, profile)) <= {row.name for row in INTERACTION.rows}
+    file.write_text(text.replace("seed: 0", "seed: 5", 1))
+    with pytest.raises(BusybotError, match=r"laptop/params\.yaml: parameter seed: "):
+        read_profile("laptop", copied)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["interaction: {strict: true}", "inputs: rgb", "responders: false", "interaction: {reward: joints, delta: 100}"],
+)
+def test_a_training_of_another_row_is_not_told_as_ours(copied: Path, line: str) -> None:
+    """It would be called ours of free mode, and held to its gate."""
+    file = copied / "laptop" / "interact.yaml"
+    file.write_text(f"{file.read_text()}{line}\n")
+    name = line.partition(": ")[0]
+    with pytest.raises(
+        BusybotError, match=rf"laptop/interact\.yaml: parameter {name}(.|\n)*benchmarks\.tables\.table1"
+    ):
+        read_profile("laptop", copied)
+    file.write_text("interaction: {strict: false, delta: 400}\ninputs: depth\nwindow: 5000\n")
+    assert read_profile("laptop", copied).interact.model == "fast"
+
+
 def test_a_profile_becomes_the_pipelines_values(copied: Path, tmp_path: Path) -> None:
     params = tmp_path / "params.yaml"
     install("smoke", params, folder=copied)
@@ -172,6 +203,8 @@ def test_busybot_takes_the_commands_of_every_stage(name: str, tmp_path: Path) ->
     assert names.count("features") == len(profile.data.sets) and names.count("eval plan") == 2 * cells
     assert names.count("eval interact") == 2 * len(profile.judge.splits)
     assert names.count("eval reason") == sets * (1 + len(profile.relations.baselines))
+    outs = [words[words.index("pipelines.stage") + 1] for line in lines if "pipelines.stage" in (words := line.split())]
+    assert sorted(outs) == sorted(f"runs/{name}/{one}" for one in stages_of(profile)), "all of them are noted"
     assert names.count("generate") == len(profile.judge.splits) + len(profile.data.sets) + cells
 
 
@@ -202,6 +235,21 @@ def test_a_stage_depends_on_the_objects_and_on_all_code_that_its_commands_use() 
             assert not lacking, f"{name} also depends on {sorted(lacking)}"
             assert deps & {f"busybot/cli/{words[0]}", f"busybot/cli/{words[0]}.py"}
         assert ("${objects}" in deps) == ("--assets" in stage["cmd"]), name
+
+
+def test_it_is_told_which_stages_begin_anew() -> None:
+    """DVC removes what they left behind before they run again."""
+    text, guide = (ROOT / "dvc.yaml").read_text(), (ROOT / "docs" / "guides" / "reproduce.md").read_text()
+    stages = {name: stage.get("do", stage) for name, stage in yaml.safe_load(text)["stages"].items()}
+    made = {name: [*stage.get("outs", []), *stage.get("metrics", [])] for name, stage in stages.items()}
+    kept = {name for name, outs in made.items() if all(isinstance(one, dict) and _persists(one) for one in outs)}
+    *names, last = (f"`{name}`" for name in stages if name not in kept)
+    told = f"{', '.join(names)} and {last} begin anew"
+    assert told in " ".join(text.replace("\n# ", "\n").split()) and told in guide
+
+
+def _persists(out: dict[str, Any]) -> bool:
+    return all(options.get("persist", False) for options in out.values())
 
 
 def folders(module: str) -> set[str]:
@@ -240,21 +288,36 @@ def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_change
     second = begin([out], "a", asked)
     assert second.seconds > 0 and not second.done and out.exists()
     assert run(asked, second, note_of(out)) == 0
-    ((name, third),) = notes(tmp_path)
+    ((name, third),) = notes(tmp_path, read_profile("smoke"))
     assert name == "data/train" and third.seconds > second.seconds and third.done
     assert begin([out], "b", asked).seconds == 0 and not out.exists()
 
 
+@pytest.mark.parametrize("text", ['{"key": "a", ', "[" * 100_000, "[]", '{"key": "a"}', '{"key": 3, "commands": []}'])
+def test_a_damaged_note_is_named(tmp_path: Path, text: str) -> None:
+    out = tmp_path / "interact"
+    begin([out], "a", [["--version"]])
+    note_of(out).write_text(text)
+    profile = read_profile("smoke")
+    for reading in (lambda: begin([out], "a", []), lambda: list(notes(tmp_path, profile)), lambda: typed([out])):
+        with pytest.raises(
+            BusybotError, match=r"\.stages/interact\.json: (.|\n)*hint: remove it: the stage begins anew"
+        ):
+            reading()
+    note_of(out).unlink()
+    assert not begin([out], "a", [["--version"]]).done
+
+
 def test_costs_of_complete_runs_do_not_add_up(tmp_path: Path) -> None:
-    out, asked = tmp_path / "out", [["--version"]]
+    out, asked, profile = tmp_path / "interact", [["--version"]], read_profile("smoke")
     out.mkdir()
     done = Note(key="a", commands=asked, seconds=9900.0, cpu_seconds=8800.0, done=True)
     write_json(note_of(out), done.model_dump())
     assert run(asked, begin([out], "a", asked), note_of(out)) == 0
-    assert [one for _, one in notes(tmp_path)] == [done], "its outputs were there"
+    assert [one for _, one in notes(tmp_path, profile)] == [done], "its outputs were there"
     out.rmdir()
     assert run(asked, begin([out], "a", asked), note_of(out)) == 0
-    assert 0 < next(one for _, one in notes(tmp_path)).seconds < 9900, "this run made them"
+    assert 0 < next(one for _, one in notes(tmp_path, profile)).seconds < 9900, "this run made them"
 
 
 def test_the_place_of_objects_is_not_told(tmp_path: Path) -> None:
@@ -309,6 +372,7 @@ def test_what_a_profile_no_longer_asks_for_is_in_no_table(tmp_path: Path) -> Non
     acted = {"precision": 0.9, "recall": 0.9, "precision_exploring": 0.9, "boards": 3}
     for split in ("novel-config", "novel-object"):
         for suffix in ("", "-random"):
+            begin([tmp_path / f"judged/{split}{suffix}"], "k", [["eval", "interact"]])
             write_json(tmp_path / f"judged/{split}{suffix}/result.json", acted)
     inferred = reasoned() | {"edge_r_bound": None, "pred_a_bound": None, "boards": 3}
     for name in ("validation", "novel-config", "novel-config-count", "novel-config-lookup"):
@@ -322,6 +386,7 @@ def test_what_a_profile_no_longer_asks_for_is_in_no_table(tmp_path: Path) -> Non
     }
     asked = asked.model_copy(update=less)
     acting, inferring, playing = (table(tmp_path, asked) for table in (interaction, reasoning, planning))
+    assert {name for name, _ in notes(tmp_path, asked)} == {"judged/novel-config", "judged/novel-config-random"}
     assert set(acting["random"]) == {"training", "commands", "novel-config"}
     assert {name: set(row["splits"]) for name, row in inferring.items()} == {
         "event": {"novel-config"},

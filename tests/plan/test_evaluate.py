@@ -1,5 +1,6 @@
 """Agents on tasks of procedural objects: measured, continued, recorded; and their failures' causes."""
 
+import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -11,7 +12,7 @@ from pydantic import ValidationError
 
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
-from busybot.boards.spec import BoardSpec
+from busybot.boards.spec import BoardCamera, BoardSpec
 from busybot.boards.task import task_of
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
@@ -21,6 +22,7 @@ from busybot.datasets.info import CollectInfo
 from busybot.datasets.verify import verify
 from busybot.episodes.episode import Episode, Image, Observation, Step
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.evaluation.folder import BOARDS, RESULT
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL, fingerprint, load_once
 from busybot.objects.resolve import find
@@ -141,6 +143,19 @@ def test_what_cannot_be_measured_is_refused(tmp_path: Path) -> None:
         run(tasks)
     with pytest.raises(ValidationError, match="greater than or equal to 1"):
         PlanConfig(boards=0)
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_board_that_its_camera_does_not_see_is_named(dataset: Dataset, tmp_path: Path) -> None:
+    copied = Dataset.open(Path(shutil.copytree(dataset.path, tmp_path / "data")))
+    history = read_episode(copied.episode_path(1))
+    camera = BoardCamera(position=(0, 0, 0.5), target=(0, 0, 0), fov_deg=60)
+    board = history.board.model_copy(update={"camera": camera})
+    copied.replace_board(board)
+    write_episode(copied.episode_path(1), replace(history, board=board))
+    copied.write_tables()
+    with pytest.raises(BusybotError, match=r"boards-00000\.jsonl: line 2: .*its camera: the target is 0\.5 away"):
+        run(copied, agents=["noop"])
 
 
 def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:

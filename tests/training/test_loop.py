@@ -64,6 +64,19 @@ def test_a_killed_round_goes_on_and_leaves_the_files_of_one_that_was_not(tmp_pat
     assert [line["iteration"] for line in read_metrics(tmp_path / "killed" / "metrics" / "line.jsonl")] == [2, 4, 6, 8]
 
 
+@pytest.mark.parametrize("damaged", ['{"iteration": 4, "lo', "[" * 100_000, "3", '{"loss": 0.5}', '{"iteration": "4"}'])
+def test_a_damaged_line_of_metrics_is_named(tmp_path: Path, damaged: str) -> None:
+    loop_of(Line(), tmp_path).run("", 0, 4)
+    file = tmp_path / "metrics" / "line.jsonl"
+    whole = file.read_text()
+    file.write_text(f"{whole}{damaged}\n")
+    with pytest.raises(BusybotError, match=r"metrics/line\.jsonl: line 3: (.|\n)*hint: remove the line"):
+        loop_of(Line(), tmp_path).run("", 4, 8)
+    file.write_text(whole)
+    loop_of(Line(), tmp_path).run("", 4, 8)
+    assert [line["iteration"] for line in read_metrics(file)] == [2, 4, 6, 8]
+
+
 @pytest.mark.parametrize("values", [{"iteration": 3, "drawn": 12}, {"epoch": 1, "done": 1, "total": 3, "drawn": 12}])
 def test_checkpoints_of_earlier_versions_go_on(tmp_path: Path, values: dict[str, int]) -> None:
     """Networks trained in rounds or epochs had their own values and how far they were side by side."""

@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+from busybot.common.errors import naming
 from busybot.interact.affordance.fast import AffordanceModel, weights_file
 from busybot.interact.affordance.networks import KINDS
 from busybot.interact.affordance.paper import PaperModel, refuse_former
@@ -34,5 +35,6 @@ def load_model(name_or_path: str | Path) -> AffordanceModel:
         check_weights(file, info)
         if info.variant == "paper":
             refuse_former(file, tensors)
-        networks[kind] = network_with(partial(variant.make_network, kind, info.inputs, tensors), tensors, file)
+        with naming(file):
+            networks[kind] = network_with(partial(variant.make_network, kind, info.inputs, tensors), tensors, file)
     return variant(info, networks)

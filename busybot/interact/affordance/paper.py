@@ -9,6 +9,7 @@ board is near 0; where nothing was hit it is taken to be there. How neighbours a
 authors have it, and so is the width of the Gaussian at the position, which is 1 at its centre.
 """
 
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from busybot.common.errors import BusybotError
+from busybot.common.limits import MAX_IMAGE_PIXELS
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.fast import AffordanceModel, AffordanceView
 from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features, unit
-from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, make_paper_network
+from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, Size, make_paper_network
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.device import exactly, keep_memory, mixed, slices
@@ -112,6 +114,21 @@ def refuse_former(file: Path, tensors: dict[str, Tensor]) -> None:
         raise BusybotError(what, "train the model again: `busybot train interact --variant paper`")
 
 
+def size_in(tensors: dict[str, Tensor]) -> Size:
+    """Rows and columns of the pictures that a stranger's weights are for, as those of the direction network tell.
+
+    Raises:
+        BusybotError: no picture has that size.
+    """
+    size = tensors.get("size")
+    if size is None or size.shape != (2,):  # where it should be there, who compares the weights tells it
+        return SIZE
+    sides = size.tolist()
+    if size.dtype != torch.int64 or min(sides) < 1 or prod(sides) > MAX_IMAGE_PIXELS:
+        raise BusybotError(f"size is {sides}, rows and columns that no picture has", "copy the model again")
+    return sides[0], sides[1]
+
+
 class PaperModel(AffordanceModel):
     """Where and how to act, from whole pictures of the size that it was trained on.
 
@@ -122,9 +139,7 @@ class PaperModel(AffordanceModel):
 
     @staticmethod
     def make_network(kind: Kind, inputs: Inputs, tensors: dict[str, Tensor]) -> nn.Module:
-        size = tensors.get("size")  # of the direction network alone
-        rows, columns = SIZE if size is None or size.shape != (2,) else size.tolist()
-        return make_paper_network(kind, inputs, (int(rows), int(columns)))
+        return make_paper_network(kind, inputs, size_in(tensors))
 
     def look(self, seen: Observation, rays: Rays, earlier: AffordanceView | None = None) -> AffordanceView:
         """Affordance of every pixel of a picture; reads its depth, and its colours if the model sees colours.

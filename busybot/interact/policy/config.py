@@ -58,7 +58,8 @@ class PolicyConfig(FrozenModel):
         candidates: `peaks` of the affordance per region, or the paper's `kmeans` clusters.
         peak_radius: of two peaks nearer than this in rows and columns only the higher one is a candidate.
         peak_logit: lower peaks are no candidates.
-        most: candidates per look, the highest first.
+        most: peaks per look, the highest first; once a link is known, as many again of what known links leave over.
+            What a caller knows of places (`within` and `triggers` of `find_candidates`) adds further candidates.
         blur: width of the Gaussian over the affordance before peaks are sought, pixels, odd.
         region_logit: pixels above it form the connected regions of affordance.
         dense_weight: share of the position network's logit in a candidate's belief; the rest is the crop network's.

@@ -37,7 +37,7 @@ class Augmentation(FrozenModel):
     Attributes:
         scaled: share of batches that are scaled by exp(uniform(-log_scale, log_scale)) and stretched along one axis at
             the other's cost by exp(uniform(-log_stretch, log_stretch)).
-        log_height: heights of each crop are multiplied by exp(uniform(-log_height, log_height)).
+        log_height: heights of each crop are multiplied by exp(uniform(-log_height, log_height)) (depth).
         transposed: share of crops with rows and columns swapped; with the mirrors, of which each happens to half of the
             crops, this gives all quarter turns.
         colour: standard deviation of the gain per colour channel, and of twice its offset (RGB variant).
@@ -214,6 +214,15 @@ class TrainConfig(RecordConfig):
         for name in ("dropout", "direction_weight"):
             if getattr(self.position, name) != FitConfig.model_fields[name].default:
                 raise ValueError(f"position.{name}: only the direction network has it; set direction.{name}")
+        return self
+
+    @model_validator(mode="after")
+    def _seen(self) -> "TrainConfig":
+        unseen, what = ("colour", "no colours") if self.inputs == "depth" else ("log_height", "no heights")
+        for kind in KINDS:
+            if getattr(self.learn(kind).augmentation, unseen) != Augmentation.model_fields[unseen].default:
+                name = f"{kind}.augmentation.{unseen}"
+                raise ValueError(f"{name}: with inputs={self.inputs} the networks see {what}; leave it out")
         return self
 
 

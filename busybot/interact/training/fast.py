@@ -39,7 +39,7 @@ from busybot.interact.policy.direction_pairs import PAIR_OF, PAIRS, logit
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import Round, TrainConfig
 from busybot.interact.training.fast_learner import FitJob, make_fit
-from busybot.interact.training.round_recorder import Recorder, draw_training, finished
+from busybot.interact.training.round_recorder import PICTURE, Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import load_tensors, load_weights, network_tensors
 from busybot.training.loop import files_of
@@ -104,10 +104,21 @@ class Training:
             datasets.append(self._recorded(number))
             if not (self._model_folder(number) / MODEL_FILE).exists():
                 self._train(number, datasets, validation)
-                draw_training(self.out, "prioritised batches", _held_out_panel)
-        final = load_model(self._model_folder(len(self.schedule) - 1))
+                self._draw()
+        last = self._model_folder(len(self.schedule) - 1)
+        if self._undrawn(last):
+            self._draw()
+        final = load_model(last)
         final.save(self.out / "model")
         return final
+
+    def _draw(self) -> None:
+        draw_training(self.out, "prioritised batches", _held_out_panel)
+
+    def _undrawn(self, model: Path) -> bool:
+        """Whether the training was killed between the model of a round and the picture of its course."""
+        picture = self.out / PICTURE
+        return not picture.exists() or picture.stat().st_mtime_ns < (model / MODEL_FILE).stat().st_mtime_ns
 
     def _model_folder(self, number: int) -> Path:
         return self.out / "models" / f"{number:02d}"

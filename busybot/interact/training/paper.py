@@ -181,6 +181,7 @@ class PaperTraining:
         self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
         self.datasets: list[Dataset] = []
         self.caches: dict[int, Path] = {}
+        self.steps: dict[int, int] = {}
         self.learners: dict[Kind, PaperAffordanceLearner] = {}
 
     def run(self) -> PaperModel:
@@ -246,8 +247,7 @@ class PaperTraining:
         config, folder, first, steps = self.config, self.out / "cache", epoch + 1, 0
         while first and steps < config.buffer:
             first -= 1
-            collect = self.datasets[first].info.collect
-            steps += self.datasets[first].info.boards * collect.steps if collect else 0
+            steps += self._steps(first)
         self.caches = {
             number: self.caches.get(number) or cache_samples(self.datasets[number], folder, config.inputs, whole=True)
             for number in range(first, epoch + 1)
@@ -255,6 +255,12 @@ class PaperTraining:
         for left in set(folder.iterdir()) - set(self.caches.values()):
             remove(left, self.out)
         return open_samples(list(self.caches.values()), config.inputs, config.buffer, whole=True)
+
+    def _steps(self, epoch: int) -> int:
+        """How many were recorded in an epoch: fewer than its episodes may have, where some ended early."""
+        if epoch not in self.steps:
+            self.steps[epoch] = _collected(self.datasets[epoch])["steps"]
+        return self.steps[epoch]
 
     def _model(self, training: dict[str, Any]) -> PaperModel:
         config = self.config

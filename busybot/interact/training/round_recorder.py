@@ -28,6 +28,8 @@ from busybot.sim.collect import CollectConfig, collect
 from busybot.training.loop import files_of
 from busybot.training.run_folder import Lines, Panel, begin_folder, draw, losses, read_metrics
 
+PICTURE = "training.png"
+"""Of a training's course, in its folder."""
 BEFORE = ("rounds", "validation")
 """What may lie in a folder in which a training begins: recorded rounds, to train on with `--offline`."""
 
@@ -145,4 +147,4 @@ def draw_training(out: Path, batches: str, below: Callable[[Kind, Lines], Panel]
     lines = {kind: read_metrics(files_of(out, kind)[1]) for kind in KINDS}
     label = f"loss of {batches}"
     above = [Panel(f"{kind} network", {label: losses(lines[kind])}, logarithmic=True) for kind in KINDS]
-    draw(out / "training.png", [above, [below(kind, lines[kind]) for kind in KINDS]])
+    draw(out / PICTURE, [above, [below(kind, lines[kind]) for kind in KINDS]])

@@ -1,6 +1,7 @@
 """`busybot train interact`, as a user runs it, on rounds that were recorded before."""
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -21,6 +22,7 @@ from tests.interact.trainings import SMALL, make_rounds, weights
 
 pytestmark = pytest.mark.usefixtures("in_process")
 
+SHORT = "{boards: 1, steps: 1, position: 2, direction: 2}"
 SETTINGS = [word for setting in SMALL for word in ("--set", setting)]
 
 
@@ -53,6 +55,21 @@ def test_a_training_leaves_models_metrics_and_a_picture(tmp_path: Path, rounds: 
     assert run(*arguments(out, rounds)).exit_code == 0  # nothing is left to do
     refused = run(*arguments(out, rounds, "--seed", "1"))
     assert refused.exit_code == 1 and "seed 0, now 1" in refused.stderr
+
+
+def test_a_picture_that_a_kill_left_out_is_drawn(tmp_path: Path, rounds: list[Path]) -> None:
+    """The last round's model was saved, and its picture was not drawn: there is none, or that of the round before."""
+    words = arguments(tmp_path / "run", rounds, "--set", f"rounds=[{', '.join([SHORT] * 2)}]")
+    assert run(*words).exit_code == 0
+    picture = tmp_path / "run" / "training.png"
+    drawn, when = picture.read_bytes(), picture.stat().st_mtime_ns
+    assert run(*words).exit_code == 0 and picture.stat().st_mtime_ns == when, "it is not drawn again"
+    picture.unlink()
+    assert run(*words).exit_code == 0 and picture.read_bytes() == drawn
+    picture.write_bytes(b"of the round before")
+    before = (tmp_path / "run" / "models" / "00" / "model.json").stat().st_mtime_ns
+    os.utime(picture, ns=(before, before))
+    assert run(*words).exit_code == 0 and picture.read_bytes() == drawn
 
 
 @pytest.mark.long
@@ -91,6 +108,7 @@ def test_what_no_network_reads_is_refused(tmp_path: Path, rounds: list[Path]) ->
         ("direction.jitter=5", "direction.jitter: the direction network looks at the middle"),
         ("position.dropout=0.2", "position.dropout: only the direction network has it"),
         ("position.direction_weight=1", "position.direction_weight: only the direction network has it"),
+        ("direction.augmentation.colour=0.1", "direction.augmentation.colour: with inputs=depth the networks see no"),
     ):
         result = run(*arguments(tmp_path / "run", rounds, "--set", wrong))
         assert result.exit_code == 2 and message in " ".join(result.stderr.split())

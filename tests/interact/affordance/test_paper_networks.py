@@ -1,5 +1,8 @@
 """The paper variant's networks, layer by layer (protocol "Fidelity checklist"), and what they see."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -9,8 +12,9 @@ from torch import nn
 from busybot.common.rng import generator
 from busybot.interact.affordance.inputs import Pinhole
 from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
-from busybot.interact.affordance.paper import depth_and_normals, with_positions
-from busybot.interact.policy.config import Inputs
+from busybot.interact.affordance.paper import PaperModel, depth_and_normals, with_positions
+from busybot.interact.policy.config import AffordanceInfo, Inputs
+from busybot.models import verify
 from busybot.training.checkpoint import initialise, parameters_of
 from tests.interact.scenes import BODY, HEIGHT, RAYS, WIDTH, picture
 
@@ -149,3 +153,25 @@ def test_a_gaussian_marks_the_position() -> None:
     for mark, (column, row) in zip(seen[:, 4], ((20, 10), (59, 49)), strict=True):
         assert mark[row, column] == 1 and mark.max() == 1
     assert seen[0, 4, 13, 24] == pytest.approx(np.exp(-(3**2 + 4**2) / (2 * 10**2)))
+
+
+SIZES = {
+    "no number": torch.tensor([float("nan"), 160.0]),
+    "infinite": torch.tensor([float("inf"), 160.0]),
+    "complex": torch.tensor([120 + 1j, 160]),
+    "narrower": torch.tensor([120, 160], dtype=torch.int32),
+    "below nothing": torch.tensor([-120, 160]),
+    "nothing": torch.tensor([0, 160]),
+    "too large": torch.tensor([2**40, 160]),
+    "too large together": torch.tensor([4000, 4000]),
+}
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+def test_weights_for_pictures_that_cannot_be_are_refused_by_their_file(size: torch.Tensor, tmp_path: Path) -> None:
+    """What a stranger's file says of its pictures is looked at before anything is computed with it."""
+    networks = {kind: make_paper_network(kind, "depth", (64, 64)) for kind in KINDS}
+    networks["direction"].register_buffer("size", size)
+    PaperModel(AffordanceInfo(variant="paper"), networks).save(tmp_path / "m")
+    verdict = verify(tmp_path / "m")
+    assert not verdict.loads and re.match(r".*direction\.safetensors: size is \[.*no picture has", verdict.problems[0])

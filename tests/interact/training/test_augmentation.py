@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 
 from busybot.boards.directions import DIRECTIONS
 from busybot.common.rng import generator
 from busybot.interact.affordance.fast import crop_around
 from busybot.interact.affordance.inputs import Pinhole, picture_features
+from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.training.augmentation import (
     MIRROR_X,
     MIRROR_Y,
@@ -22,7 +24,7 @@ from busybot.interact.training.augmentation import (
     draw_batch,
     remapped_directions,
 )
-from busybot.interact.training.config import Augmentation, FitConfig
+from busybot.interact.training.config import Augmentation, FitConfig, TrainConfig
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -132,3 +134,16 @@ def test_a_stretched_slope_has_the_normal_of_the_stretched_slope() -> None:
     assert torch.allclose(batch.features[0, 1:, 32, 32], expected / expected.norm(), atol=1e-3)
     assert along_x == pytest.approx(a * factor * 2**0.5 / 2, rel=1e-3)
     assert (int(batch.rows[0]), int(batch.columns[0])) == (32, 33)
+
+
+@pytest.mark.parametrize(("inputs", "unseen"), [("depth", "colour"), ("rgb", "log_height")])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_the_inputs_do_not_show_cannot_be_varied(inputs: str, unseen: str, kind: Kind) -> None:
+    """It would change nothing, and stand on the model's card."""
+    seen = {"colour": "log_height", "log_height": "colour"}[unseen]
+    asked = {"inputs": inputs, kind: {"augmentation": {seen: 0.1}}}
+    assert getattr(TrainConfig.model_validate(asked).learn(kind).augmentation, seen) == 0.1
+    usual = Augmentation.model_fields[unseen].default
+    assert TrainConfig.model_validate({"inputs": inputs, kind: {"augmentation": {unseen: usual}}})
+    with pytest.raises(ValidationError, match=rf"{kind}\.augmentation\.{unseen}: with inputs={inputs}"):
+        TrainConfig.model_validate({"inputs": inputs, kind: {"augmentation": {unseen: 0.0}}})

@@ -95,6 +95,19 @@ def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) 
     assert list(np.bincount(samples.dataset)) == [2, 18]
 
 
+def test_the_buffer_is_as_full_as_it_can_be_where_episodes_ended_early(tmp_path: Path) -> None:
+    """The second epoch's might have had 24 steps, and have 8."""
+    run = training(tmp_path / "run")
+    for name, boards, steps in (("000", 3, 6), ("001", 4, 2)):
+        dataset = make_dataset(tmp_path / name, boards=boards, finished=())
+        for index in range(boards):
+            write_episode(dataset.episode_path(index), make_episode(index, steps=steps))
+        dataset.write_tables()
+        run.datasets.append(dataset)
+    samples = run.buffer(1)
+    assert len(samples) == 20 and samples.first == 6 and list(np.bincount(samples.dataset)) == [12, 8]
+
+
 @pytest.mark.long
 def test_killed_and_continued_it_ends_in_the_same_weights(
     trained: Path, recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

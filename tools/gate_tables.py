@@ -174,8 +174,8 @@ def _check_judged(told: _Judged) -> None:
 
 
 def _gates_grid(told: _Judged, before: _Judged | None = None) -> Grid:
-    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate; of other
-    models on the same sets, too, if `before` has them."""
+    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate; beside
+    those of other models, `before`, who were judged on all of these sets."""
     sides = {"": told} if before is None else {"before: ": before, "": told}
     heads = [side + split for split in dict.fromkeys(split for _, split in told) for side in sides]
     found: dict[tuple[str, str, str], dict[str, str]] = {}

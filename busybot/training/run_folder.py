@@ -92,10 +92,12 @@ class Metrics:
         self, path: Path, name: str, resumed: int, start: int, until: int, every: int, losses: list[float] | None = None
     ):
         self._path, self._name, self._start, self._until, self._every = path, name, start, until, every
-        kept = (line for line in read_metrics(path) if line["iteration"] <= resumed)
-        # figures at the end are this round's own, which it repeats, or of the round before where it has no iterations
-        before = until - 1 if until > start else start
-        self._lines: list[dict[str, Any]] = [line for line in kept if "loss" in line or line["iteration"] <= before]
+        kept = [line for line in read_metrics(path) if line["iteration"] <= resumed]
+        # figures at the end are this round's own, which it repeats; where it has no iterations, the first of them are
+        # those of the round before
+        ends = [k for k, line in enumerate(kept) if "loss" not in line and line["iteration"] >= until]
+        own = ends[1:] if until == start > 0 else ends
+        self._lines: list[dict[str, Any]] = [line for k, line in enumerate(kept) if k not in own]
         self._losses = [] if losses is None else losses
         self._began, self._first, self._told = time.monotonic(), resumed, time.monotonic()
 

@@ -66,9 +66,10 @@ def test_rounds_continue_from_one_another(cache: Path, tmp_path: Path) -> None:
     lines = read_metrics(files_of(tmp_path, "position")[1])
     assert [line["iteration"] for line in lines] == [2, 4, 4, 6, 8, 8]
     assert "position_ap" in lines[2]["validation"]
-    fit(replace(second, start=8))  # a round without iterations
-    after = read_metrics(files_of(tmp_path, "position")[1])
-    assert after[:-1] == lines and after[-1] == lines[-1], "its own figures stand behind those of the round before"
+    for _ in range(2):  # a round without iterations, killed before its model was saved
+        fit(replace(second, start=8))
+        after = read_metrics(files_of(tmp_path, "position")[1])
+        assert after[:-1] == lines and after[-1] == lines[-1], "its own figures stand behind those of the round before"
 
 
 @pytest.mark.parametrize("kind", KINDS)

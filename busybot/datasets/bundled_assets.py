@@ -17,7 +17,6 @@ from pydantic import ValidationError
 from busybot.boards.config import SPLITS
 from busybot.boards.generate import GENERATOR_VERSION
 from busybot.boards.scenes import SCENES
-from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import inside, write_atomically
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
@@ -38,7 +37,7 @@ def library_of(dataset: Dataset, assets: str | None = None) -> Library:
         BusybotError: it is not found, or one of the objects differs from the recorded hash.
     """
     place, recorded = dataset.path / OBJECTS_FOLDER, dataset.info.assets
-    if assets is None and dataset.info.generator.version == IMPORTED:
+    if assets is None and dataset.info.generator.imported:
         what = f"{dataset.path}: it was imported; nobody knows what its objects are made of, nor their states"
         raise BusybotError(what, "what needs a simulator cannot be done with it")
     # the split file is written last: without it, an interrupted freeze has left some of the objects behind

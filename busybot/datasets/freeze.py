@@ -14,7 +14,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from busybot import __version__
-from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import (
     LOCK_FILE,
     copy_file,
@@ -120,7 +119,7 @@ def card(manifest: Manifest) -> str:
         objects=_objects(manifest),
         columns="\n".join(columns) + "\n",
     )
-    if manifest.generator.version == IMPORTED:
+    if manifest.generator.imported:
         for simulated, imported in _IMPORTED_TEXT.items():
             text = text.replace(simulated, imported)
     return _front_matter(manifest) + text
@@ -138,7 +137,7 @@ def _front_matter(manifest: Manifest) -> str:
     size = next((name for limit, name in _SIZES if manifest.boards < limit), "n>1M")
     lines = ["---", f"pretty_name: {json.dumps(manifest.name)}"]
     lines += [f"license: {licence}", "task_categories:", "- robotics", "- reinforcement-learning", "tags:"]
-    made = () if manifest.generator.version == IMPORTED else ("simulation",)
+    made = () if manifest.generator.imported else ("simulation",)
     lines += [f"- {tag}" for tag in ("busybot", "manipulation", "causal-discovery", *made, "mcap")]
     lines += ["size_categories:", f"- {size}", "configs:"]
     for name in TABLES:

@@ -33,6 +33,11 @@ class GeneratorInfo(FrozenModel):
     version: str
     config: dict[str, Any] = {}
 
+    @property
+    def imported(self) -> bool:
+        """Whether nobody drew them: their recordings came from elsewhere."""
+        return self.version == IMPORTED
+
 
 class AssetsInfo(FrozenModel):
     """Which objects stand on the boards.
@@ -139,7 +144,7 @@ def collect_command(
             known in this room, so that those of interaction, pictures and policy are not among the others.
     """
     command, collect = f"{program} collect {shlex.quote(str(path))}", info.collect
-    if info.generator.version == IMPORTED:
+    if info.generator.imported:
         return "import the recordings again, into a new folder: busybot dataset import"
     if collect is None:
         return command if info.tasks else f"{command} --policy learned"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pyarrow.compute as pc
 
-from busybot.boards.spec import IMPORTED, PAPER
+from busybot.boards.spec import PAPER
 from busybot.common.errors import BusybotError
 from busybot.common.remote import is_remote
 from busybot.datasets.dataset import HASHED, Dataset
@@ -39,7 +39,7 @@ def summarise(path: Path) -> dict[str, Any]:
         "frozen": is_frozen(path),
         "boards": info.boards,
         "tasks": info.tasks,
-        "world": None if info.generator.version == IMPORTED else info.generator.config.get("world", PAPER),
+        "world": None if info.generator.imported else info.generator.config.get("world", PAPER),
         "links": info.generator.config.get("links"),
         "episodes": rows.num_rows,
         "steps": _total(rows["steps"]),
@@ -100,7 +100,7 @@ def _drawing(dataset: Dataset) -> str | None:
     """SHA-256 of all that boards were drawn by but their number, and of the first one: a dataset that grows keeps its
     boards, and the first names objects of its library. None of imported ones, which nobody drew."""
     info = dataset.info
-    if info.split == IMPORTED:
+    if info.generator.imported:
         return None
     config = {key: value for key, value in info.generator.config.items() if key != "boards"}
     told = [info.seed, info.split, info.assets.name, info.generator.version, config, dataset.board(0).digest()]

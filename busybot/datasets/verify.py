@@ -9,7 +9,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from busybot.boards.spec import IMPORTED
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.process_pool import Progress, share
 from busybot.datasets.bundled_assets import library_of
@@ -235,7 +234,7 @@ def faults_of(rows: Rows, index: int, board_digest: str | None, info: DatasetInf
         if episode[name] is not None and episode[name] != value
     ]
     possible = _possible_steps(episode["steps"], json.loads(episode["settings"]))
-    if possible < 0 or (possible != collect.steps and info.generator.version != IMPORTED):
+    if possible < 0 or (possible != collect.steps and not info.generator.imported):
         faults.append(f"it has {episode['steps']} steps, the dataset says {collect.steps}")
     return faults
 

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from busybot.boards.spec import IMPORTED, PAPER
+from busybot.boards.spec import PAPER
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
 from busybot.common.process_pool import Progress
@@ -132,7 +132,7 @@ def suited(config: Config, datasets: list[Dataset]) -> Config:
     """
     if not isinstance(config, MechanismConfig):
         return config
-    generators = [dataset.info.generator for dataset in datasets if dataset.info.generator.version != IMPORTED]
+    generators = [dataset.info.generator for dataset in datasets if not dataset.info.generator.imported]
     told = {str(one.config.get("world", PAPER)) for one in generators}
     labels = config.labels == "parents"
     given = config.net.model_fields_set

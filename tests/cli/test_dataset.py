@@ -132,6 +132,17 @@ def test_a_licence_that_no_manifest_can_tell_is_refused_first(dataset: Path, lic
     assert "pydantic" not in told and scan(dataset) == before
 
 
+def test_a_repeated_repair_tells_where_it_keeps_what_it_replaces(dataset: Path) -> None:
+    out = dataset.parent / "mended"
+    first = run("repair", dataset, "--out", out)
+    assert first.exit_code == 0 and "damaged" not in first.stderr
+    recording = out / "episodes" / "000000.mcap"
+    recording.write_bytes(recording.read_bytes()[:-100])
+    again = run("repair", dataset, "--out", out)
+    assert again.exit_code == 0 and f"is in {out / 'damaged'}" in again.stderr
+    assert run("verify", out).exit_code == 0
+
+
 def test_what_files_and_settings_are_called_begins_no_line(dataset: Path) -> None:
     (dataset / "episodes" / "x\nerror: it is sound").write_text("")
     assert "\nerror: it is sound" not in run("verify", dataset).stderr

@@ -78,6 +78,8 @@ def sentence(one: "Difference") -> str:
 
 
 def repaired(done: "Repaired") -> None:
+    from busybot.datasets.dataset import DAMAGED_FOLDER, Dataset
+
     for verdict in done.damaged:
         kept = {
             "whole": "saved entirely",
@@ -88,12 +90,13 @@ def repaired(done: "Repaired") -> None:
         tell(f"episode {verdict.episode}: {kept} ({verdict.why})")
     if done.damaged:
         say(f"the damaged files are in {done.originals}")
+    if (replaced := done.dataset / DAMAGED_FOLDER) != done.originals and replaced.is_dir():
+        say(f"what was replaced in {done.dataset} is in {replaced}")
     partial = sum(verdict.fate == "partial" for verdict in done.damaged)
     if partial:
         say(f"shorter now: {counted(partial, 'episode')}; --no-partial drops them, and says how they come back")
     sound = counted(done.sound, "episode")
     if any(verdict.fate == "dropped" for verdict in done.damaged):
-        from busybot.datasets.dataset import Dataset
         from busybot.datasets.info import collect_command
 
         say(f"next: {collect_command(done.dataset, Dataset.open(done.dataset).info)}")

@@ -61,9 +61,14 @@ def description(folder: Path, source: Source) -> dict[str, Any]:
         " each, what was done and what changed.",
         "version": "1.0.0",
         **({"license": f"https://spdx.org/licenses/{source.licence}"} if source.licence else {}),
-        "keywords": ["causal discovery", "robotics", "interaction", *([] if source.imported else ["simulation"])],
+        "keywords": [
+            "causal discovery",
+            "robotics",
+            "interaction",
+            *([] if source.info.generator.imported else ["simulation"]),
+        ],
         "isLiveDataset": False,
-        **(_responsible_elsewhere(source) if source.imported else _responsible(source)),
+        **_responsible(source),
         **_provenance(source),
         "distribution": [part for name in names for part in _distribution(folder, name)],
         "recordSet": [_record_set(name) for name in names],
@@ -71,43 +76,38 @@ def description(folder: Path, source: Source) -> dict[str, Any]:
 
 
 def _responsible(source: Source) -> dict[str, Any]:
+    """Of imported recordings less: who is in the pictures, who annotated what, and whether anything was drawn by a
+    computer, whoever recorded them has to add."""
+    imported, policies = source.info.generator.imported, ", ".join(sorted({str(row["policy"]) for row in source.rows}))
+    drawn = (
+        []
+        if imported
+        else ["Objects, their places and the relations are drawn from a generator's distributions, not from homes."]
+    )
+    who, where = ("Somebody or something", ", elsewhere, and imported") if imported else ("A simulated agent", "")
+    return {
+        "rai:dataCollection": f"{who} took hold of one point of a board an action and pulled; pictures were taken"
+        f" before and after{where}. Actions were chosen by {policies}.",
+        "rai:dataBiases": [*drawn, "Which links are moved how often depends on the policy that collected."],
+        "rai:dataUseCases": ["Learning to interact with articulated objects, and to infer which one controls which."],
+        "rai:dataSocialImpact": "None is expected; a robot that learned from it must not be relied on for safety.",
+        **({"rai:dataCollectionType": ["Others"]} if imported else _simulated(source)),
+    }
+
+
+def _simulated(source: Source) -> dict[str, Any]:
     truth = (
         "a recording's own truth, in tables whose names begin with `privileged`" if source.privileged else "left out"
     )
     return {
-        "rai:dataCollection": "A simulated agent took hold of one point of a board an action and pulled; pictures were"
-        " taken before and after. Actions were chosen by "
-        + ", ".join(sorted({str(row["policy"]) for row in source.rows}))
-        + ".",
         "rai:dataCollectionType": ["Software Collection", "Experiments"],
         "rai:dataLimitations": [
             "Pictures are rendered; what is learned from them is not known to hold for photographs.",
             "Boards stand still but for the object that is moved and those that it switches.",
         ],
-        "rai:dataBiases": [
-            "Objects, their places and the relations are drawn from a generator's distributions, not from homes.",
-            "Which links are moved how often depends on the policy that collected.",
-        ],
         "rai:personalSensitiveInformation": ["None: nobody is in it, no text was written by a user."],
-        "rai:dataUseCases": ["Learning to interact with articulated objects, and to infer which one controls which."],
-        "rai:dataSocialImpact": "None is expected; a robot that learned from it must not be relied on for safety.",
         "rai:dataAnnotationProtocol": [f"No human annotated anything; what the simulator knows is {truth}."],
         "rai:hasSyntheticData": True,
-    }
-
-
-def _responsible_elsewhere(source: Source) -> dict[str, Any]:
-    """Of imported recordings: who is in the pictures, who annotated what, and whether anything was drawn by a computer,
-    whoever recorded them has to add."""
-    return {
-        "rai:dataCollection": "Somebody or something took hold of one point of a board an action and pulled; pictures"
-        " were taken before and after, elsewhere, and imported. Actions were chosen by "
-        + ", ".join(sorted({str(row["policy"]) for row in source.rows}))
-        + ".",
-        "rai:dataCollectionType": ["Others"],
-        "rai:dataBiases": ["Which links are moved how often depends on whoever acted."],
-        "rai:dataUseCases": ["Learning to interact with articulated objects, and to infer which one controls which."],
-        "rai:dataSocialImpact": "None is expected; a robot that learned from it must not be relied on for safety.",
     }
 
 
@@ -117,7 +117,7 @@ def _provenance(source: Source) -> dict[str, Any]:
         f"policy {collect.policy}, {collect.steps} actions a board, seed {collect.seed}" if collect else "not recorded"
     )
     made = [f"boards drawn by generator {info.generator.version}", f"recorded in simulation: {how}"]
-    if source.imported:
+    if source.info.generator.imported:
         made = ["recorded elsewhere", "imported by busybot"]
     return {
         "prov:wasDerivedFrom": {

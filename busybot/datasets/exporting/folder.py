@@ -17,7 +17,6 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import (
     LOCK_FILE,
     make_folder,
@@ -72,11 +71,6 @@ class Source:
     hashes: Digests
     privileged: bool
     licence: str | None
-
-    @property
-    def imported(self) -> bool:
-        """Whether they were recorded elsewhere."""
-        return self.info.generator.version == IMPORTED
 
 
 WriteEpisode = Callable[[Path, Row, bool, Path], None]

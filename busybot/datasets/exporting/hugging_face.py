@@ -61,6 +61,7 @@ nothing.
 
 {columns}
 """
+_IMPORTED = "recorded elsewhere and imported"
 _LEFT_OUT = "What only the simulator knows is left out: segmentation, relations, states of links and responders."
 _INCLUDED = """Configurations whose names begin with `privileged` hold what only the simulator knows: segmentation,
 relations, states of links and responders. Nothing that learns may read them; they are for judging."""
@@ -80,7 +81,7 @@ def card(source: Source) -> str:
         episodes=len(source.rows),
         steps=sum(row["steps"] for row in source.rows),
         split=markdown_code(source.info.split),
-        origin="recorded elsewhere and imported" if source.imported else f"boards drawn with seed {source.info.seed}",
+        origin=_IMPORTED if source.info.generator.imported else f"boards drawn with seed {source.info.seed}",
         policies=", ".join(sorted({markdown_code(row["policy"]) for row in source.rows})),
         version=__version__,
         privileged=_INCLUDED if source.privileged else _LEFT_OUT,

@@ -388,7 +388,7 @@ def positions_of(objects: Sequence[KnownObject], camera: Camera, depth: np.ndarr
 def _step(told: KnownAction, camera: Camera, depth: np.ndarray | None, shown: str) -> Step:
     with naming(told.where):
         pixel = acted_pixel(told, camera, shown)
-        far = 0.0 if depth is None or pixel == UNKNOWN_PIXEL else float(depth[pixel[1], pixel[0]])
+        far = 0.0 if depth is None else float(depth[pixel[1], pixel[0]])
         x, y, z = (float(np.float32(value)) for value in told.point or point_at(camera, pixel, far))
     return unknown_step(pixel, (x, y, z), told.direction)
 

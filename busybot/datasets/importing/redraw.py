@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from pydantic import ValidationError
 
-from busybot.boards.spec import IMPORTED, BoardSpec
+from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.dataset import Dataset
@@ -24,7 +24,7 @@ def refuse_simulated(dataset: Dataset) -> None:
     Raises:
         BusybotError: a simulator made the recordings, or the dataset is frozen.
     """
-    if dataset.info.generator.version != IMPORTED:
+    if not dataset.info.generator.imported:
         what = f"{dataset.path}: the simulator knows the boxes of its recordings"
         raise BusybotError(what, "boxes are drawn in datasets that `busybot dataset import` made")
     refuse_frozen(dataset.path)

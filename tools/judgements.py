@@ -20,26 +20,61 @@ SHOWN = {
 """Figures that the page repeats."""
 
 
+UNTOLD = "-"
+_Judgings = list[tuple[dict[str, Any], int]]
+"""Entries about one model on one set, with the number of boards, the oldest first."""
+
+
 def test_sets(root: Path = ROOT) -> str:
-    """A line for each model on each set: how often it was judged there, when, and what came out the last time."""
+    """A line for models that were judged on a set on the same days: how often, and what came out the last time."""
     entries = [read_json(file) for file in sorted((root / LOG).glob("*.json"))]
-    found: dict[tuple[str, ...], list[tuple[dict[str, Any], int]]] = {}
-    for entry in entries:
+    found: dict[tuple[str, ...], dict[str, _Judgings]] = {}
+    for entry in sorted(entries, key=lambda entry: entry["when"]):
+        recordings = entry.get("recordings") or {}
+        acted = f"{recordings.get('policy') or UNTOLD}{', a real camera' if recordings.get('camera') else ''}"
         for name, counted in entry["sets"].items():
-            camera = ", a real camera" if (entry.get("recordings") or {}).get("camera") else ""
             for objects, boards in counted.items():
-                key = (name, f"{objects}{camera}", entry["kind"], entry["who"], entry["model"][:8])
-                found.setdefault(key, []).append((entry, boards))
+                place = (name, objects, f"{entry['kind']}: {entry['who']}", acted)
+                found.setdefault(place, {}).setdefault(entry["model"][:8], []).append((entry, boards))
     if not found:
         return NONE
-    lines = []
-    for (name, objects, kind, who, model), told in sorted(found.items()):
-        days = [entry["when"][:10] for entry, _ in told]
-        last = told[-1][0]["figures"]
-        figures = [f"{words} {share(last[key])}" for key, words in SHOWN.items() if last.get(key) is not None]
-        boards = ", ".join(str(count) for count in sorted({count for _, count in told}))
-        when = days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
-        cells = (objects, f"{kind}: {who}", f"`{model}`", str(len(told)), boards, when, ", ".join(figures) or "-")
-        lines.append((f"`{name}`", cells))
-    heads = ("objects", "judged", "model", "times", "boards", "when", "the last time, percent")
+    lines = [
+        (f"`{name}`", (objects, judged, acted, *_told(together)))
+        for (name, objects, judged, acted), models in sorted(found.items())
+        for together in _together(models)
+    ]
+    heads = ("objects", "judged", "acted", "models", "times each", "boards", "when", "the last time, percent")
     return markdown([plain_grid(heads, lines, "set")])
+
+
+def _together(models: dict[str, _Judgings]) -> list[dict[str, _Judgings]]:
+    """The models in groups of those that were judged as often, on the same days, on as many boards."""
+    groups: dict[tuple[tuple[str, int], ...], dict[str, _Judgings]] = {}
+    for model, judgings in sorted(models.items()):
+        groups.setdefault(tuple((_day(entry), boards) for entry, boards in judgings), {})[model] = judgings
+    return [groups[days] for days in sorted(groups)]
+
+
+def _told(together: dict[str, _Judgings]) -> tuple[str, ...]:
+    """The cells about models that were judged together."""
+    judgings = next(iter(together.values()))
+    days = [_day(entry) for entry, _ in judgings]
+    boards = ", ".join(str(count) for count in sorted({count for _, count in judgings}))
+    when = days[0] if days[0] == days[-1] else f"{days[0]} to {days[-1]}"
+    last = [one[-1][0]["figures"] for one in together.values()]
+    figures = [f"{words} {_extremes(known)}" for key, words in SHOWN.items() if (known := _known(last, key))]
+    names = ", ".join(f"`{model}`" for model in together)
+    return names, str(len(judgings)), boards, when, ", ".join(figures) or UNTOLD
+
+
+def _day(entry: dict[str, Any]) -> str:
+    return str(entry["when"][:10])
+
+
+def _known(figures: list[dict[str, Any]], key: str) -> list[float]:
+    return [one[key] for one in figures if one.get(key) is not None]
+
+
+def _extremes(shares: list[float]) -> str:
+    least, most = share(min(shares)), share(max(shares))
+    return least if least == most else f"{least}-{most}"

@@ -74,10 +74,8 @@ def test_what_a_real_camera_saw_is_told_apart(checkout: Path, boards: Dataset, m
     clean, real = entries(checkout)
     assert clean["recordings"] is None
     assert (real["recordings"]["policy"], real["recordings"]["camera"]) == ("learned", {"noise": 0.01})
-    assert [line.split("|")[2].strip() for line in page.test_sets(checkout).splitlines()[2:]] == [
-        "made",
-        "made, a real camera",
-    ]
+    acted = [line.split("|")[4].strip() for line in page.test_sets(checkout).splitlines()[2:]]
+    assert acted == ["-", "learned, a real camera"]
 
 
 def test_other_weights_are_another_model(checkout: Path, boards: Dataset) -> None:
@@ -127,8 +125,18 @@ def test_the_page_counts_judgings(checkout: Path, boards: Dataset) -> None:
     enter(boards, parent_f1=0.25)
     enter(boards, (1,), who="other")
     lines = [line.split(" | ") for line in page.test_sets(checkout).splitlines()[2:]]
-    assert [line[:3] + line[4:6] for line in lines] == [
+    assert [line[:3] + line[5:7] for line in lines] == [
         ["| `gates/novel-config`", "made", "reason: m", "2", "2"],
         ["| `gates/novel-config`", "made", "reason: other", "1", "1"],
     ]
     assert lines[0][-1] == "F1 of parents 25.0 |", "the last time"
+
+
+def test_the_page_has_a_line_for_models_that_were_judged_together(checkout: Path, boards: Dataset) -> None:
+    for seed, parent_f1 in enumerate((0.5, 0.75, 0.25)):
+        enter(boards, hashes={"models": {"m": {"weights": f"seed {seed}"}}}, parent_f1=parent_f1)
+    enter(boards, (1,), hashes={"models": {"m": {"weights": "alone"}}})
+    alone, together = (line.split(" | ") for line in page.test_sets(checkout).splitlines()[2:])
+    assert (alone[4].count("`"), together[4].count("`")) == (2, 6), "hashes"
+    assert alone[6] == "1" and together[6] == "2", "on as many boards"
+    assert alone[-1] == "F1 of parents 50.0 |" and together[-1] == "F1 of parents 25.0-75.0 |"

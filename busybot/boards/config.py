@@ -92,7 +92,9 @@ class BoardConfig(FrozenModel):
     @model_serializer(mode="wrap")
     def _without_absent(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """JSON without keys that say nothing: as before there were worlds."""
-        silent = {"world": PAPER, "links": None, "depth": [1, 8], "plan": 8, "include": [], "only": []}
+        silent: dict[str, Any] = {"world": PAPER, "depth": [1, 8], "plan": 8, "include": [], "only": []}
+        # where links have a default, that they are not limited must be said
+        silent |= {"links": None} if self.world in (PAPER, *BUILT) else {}
         return without(handler(self), silent)
 
     @model_validator(mode="before")
@@ -105,8 +107,8 @@ class BoardConfig(FrozenModel):
         if values.get("world") in tuple(SCENES):  # whatever it is: not all that YAML has can be a key
             found = {"group_size": SCENE_GROUP, "links": None, **found}
         match values.get("links"):
-            case [int(least), int(most)] if most > USUAL_LINKS:
-                if most >= least > ROOM and "switches" not in values:
+            case [int(least), int(most)] if most >= least and most > USUAL_LINKS:
+                if least > ROOM and "switches" not in values:
                     what = f"links: at least {least} are more than the {ROOM} for which boards have switches by default"
                     own = "switches (of one to three links each), responders and max_objects"
                     raise ValueError(f"{what}; ask for fewer, or give {own}, too")

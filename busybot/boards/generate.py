@@ -60,19 +60,22 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
 
 def _pools(config: BoardConfig, library: Library) -> Pools:
     """The split's instances; an empty category that the configuration needs is refused."""
-    needed = {"Switch": config.switches, "Lamp": config.lamps, "Door": config.responders, "Toy": config.toys}
+    lamps = min(config.lamps[1], config.responders[1])
+    doors = config.responders[1] - config.lamps[0]  # a responder that is no lamp is a door
+    needed = {"Switch": config.switches[1], "Lamp": lamps, "Door": doors, "Toy": config.toys[1]}
     pools: Pools = {}
-    for category, (_, most) in needed.items():
+    for category, most in needed.items():
         entries = library.weights(SPLITS[config.split], category)
         if config.relations == "one-to-one" and category == "Switch":
             entries = [(key, weight) for key, weight in entries if _is_plain(library.get(key))]
         _refuse_strangers(config, library, category, [key for key, _ in entries])
         entries = [entry for entry in entries if entry[0] in config.only] or entries
         if not entries and most > 0:
+            all_lamps = f"let all responders be lamps: --set lamps=[{config.responders[1]},{config.responders[1]}]"
             raise BusybotError(
                 f"{library.name}: no {category} for the split {config.split!r} (relations {config.relations!r}), "
                 f"but a board may need up to {most}",
-                "add objects of this category, or set its count to 0",
+                f"add objects of this category, or {all_lamps if category == 'Door' else 'set its count to 0'}",
             )
         weights = np.array([1.0 if config.uniform else weight for _, weight in entries])
         pools[category] = [key for key, _ in entries], weights / weights.sum() if len(weights) else weights

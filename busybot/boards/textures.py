@@ -11,6 +11,7 @@ import numpy as np
 
 from busybot.boards.layout import footprint
 from busybot.boards.spec import BoardSpec
+from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.model import ObjectModel
 
@@ -30,10 +31,15 @@ COLORS: tuple[tuple[float, float, float], ...] = (
 
 SHADOW, SHADOW_BLUR = 0.5, 0.05
 """How dark it gets beside an object, and how far its soft edge reaches, board units."""
+LEAST_SIDE = 1e-3
+"""A board that is smaller than this, board units, has the shadows of one that is as large: pixels can be counted."""
 LAMP_FOOT = 0.8
 """A lamp's box is that of its shade; what it stands on is smaller."""
 SIDE = 512
 """Of textures, pixels."""
+WIDEST = SIDE / 4
+"""No soft edge is wider (standard deviation, pixels): on a board as small as a switch all is in the shadow anyway, and
+to blur so far would take minutes."""
 
 
 @lru_cache(maxsize=len(TEXTURES))
@@ -41,11 +47,11 @@ def texture(name: str, size: int = SIDE) -> np.ndarray:
     """The texture's relief, float32 (size, size) in about 0.6..1, read-only; the same on every call.
 
     Raises:
-        ValueError: the name is not one of `TEXTURES`.
+        BusybotError: the name is not one of `TEXTURES`.
     """
     makers = {"wood": _wood, "plywood": _plywood, "cork": _cork, "felt": _felt, "brushed": _brushed}
     if name not in makers:
-        raise ValueError(f"unknown texture {name!r}; there are {', '.join(TEXTURES)}")
+        raise BusybotError(f"unknown texture {name!r}", f"there are {', '.join(TEXTURES)}; draw the board again")
     relief = makers[name](size, generator(0, "surface", TEXTURES.index(name), "texture")).astype(np.float32)
     relief.flags.writeable = False
     return relief
@@ -73,7 +79,7 @@ def contact_shadow(spec: BoardSpec, models: list[ObjectModel]) -> np.ndarray:
         models: of `spec.objects`, in their order.
     """
     cover = np.zeros((SIDE, SIDE), np.uint8)
-    scale = SIDE / np.array(spec.size)
+    scale = SIDE / np.maximum(spec.size, LEAST_SIDE)
     for placed, model in zip(spec.objects, models, strict=True):
         low, high = footprint(replace(model, scale=placed.scale), placed.yaw, margin=0.0)
         corner = (np.array(placed.position[:2]) + low + np.array(spec.size) / 2) * scale
@@ -84,7 +90,7 @@ def contact_shadow(spec: BoardSpec, models: list[ObjectModel]) -> np.ndarray:
         else:
             first, last = np.round(corner).astype(int).tolist(), np.round(corner + extent).astype(int).tolist()
             cv2.rectangle(cover, first, last, 255, -1)
-    blurred = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), SHADOW_BLUR * float(scale[0]))
+    blurred = cv2.GaussianBlur(cover.astype(np.float32) / 255, (0, 0), min(SHADOW_BLUR * float(scale[0]), WIDEST))
     return 1 - SHADOW * blurred
 
 

@@ -190,6 +190,8 @@ def with_world(board: BoardSpec, models: Sequence[ObjectModel], name: str, depth
     """
     novel, links = board.split == NOVEL, links_of(models)
     world, rng = world_named(name, novel), generator(board.seed, board.split, board.index, "world")
+    if not links.names:  # a library may have nothing but responders among its switches
+        return None
     blank = {**dict(board), "schema_version": WORLDS_VERSION, "world": name}
     for _ in range(DRAWS):
         drawn = _Draw(world, models, links, novel, rng)

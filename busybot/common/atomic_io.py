@@ -171,6 +171,22 @@ def one_writer(folder: Path) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def in_turn(folder: Path) -> Iterator[None]:
+    """Wait until no other process is in such a block of the same folder, which is made where it is absent.
+
+    Its lock is the folder's own and ends with the process; where a file system has no locks, nobody waits.
+    """
+    with _opened(folder) as place, _naming(folder):
+        descriptor = os.open(".", os.O_RDONLY | os.O_DIRECTORY, dir_fd=place)
+    try:
+        with contextlib.suppress(OSError):
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
 def remove_leftovers(folder: Path, root: Path | None = None) -> int:
     """Delete temporary files of writers that are no more; returns their number.
 

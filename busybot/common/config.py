@@ -20,6 +20,9 @@ Key = TypeVar("Key", int, str)
 MAX_BYTES = 1 << 20
 MAX_TOKENS = 200_000
 MAX_DEPTH = 16
+DAMAGED_YAML = (yaml.YAMLError, RecursionError, ValueError, LookupError, AttributeError, TypeError)
+"""What reading a YAML text raises where it is not what it says: numbers with thousands of digits, words that a tag, as
+`!!bool maybe`, calls something else."""
 _OPENING = (
     yaml.FlowSequenceStartToken,
     yaml.FlowMappingStartToken,
@@ -229,7 +232,7 @@ def parse_yaml(text: str, where: str, words: bool = False) -> Any:
     try:
         check_tokens(where, text)
         return yaml.load(text, yaml.BaseLoader if words else yaml.SafeLoader)  # neither makes objects
-    except (yaml.YAMLError, RecursionError, ValueError) as error:  # of numbers with thousands of digits
+    except DAMAGED_YAML as error:
         raise BusybotError(f"{where}{yaml_fault(error)}", "compare with the examples in the documentation") from None
 
 

@@ -59,13 +59,22 @@ def load_and_remember(path: Path) -> Library:
 
 def _open(assets: str) -> Library:
     if assets in plugins.names("objects") and not Path(assets).exists():
-        return load_and_remember(Path(plugins.make("objects", assets)))
+        return load_and_remember(_brought(assets))
     if assets != "procedural":
         return load_and_remember(Path(assets))
     with cache.parsed_objects() as known:
         library = procedural_library(known)
     cache.remember(library.folder, library.hashes())
     return library
+
+
+def _brought(name: str) -> Path:
+    """The folder of a library that a package brings."""
+    folder = plugins.make("objects", name)
+    if not isinstance(folder, str | Path):
+        what = f"{plugins.where('objects', name)} returns a {type(folder).__name__}, not a library's folder"
+        raise BusybotError(what, plugins.HINT)
+    return Path(folder)
 
 
 def _find_by_hash(expected: dict[str, str]) -> Library:

@@ -142,6 +142,9 @@ class AgentPolicy:
             look_again=lambda: self._contacts.unrewarded(observation),
         )
         answer = self._agent.decide(situation)
+        if not isinstance(answer, Act | Stop):
+            what = f"agent {self.name} answered {str(answer)[:80]!r}, which is neither an Act nor a Stop"
+            raise BusybotError(what, "answer with one of these, of busybot.plan.interfaces")
         proposed: tuple[Contact, ...] | None = vars(situation).get("candidates")
         looked: tuple[Contact, ...] = vars(situation).get("unrewarded", ())
         repeats = (*situation.repeats, *(one for one in looked if isinstance(answer, Act) and answer.contact is one))

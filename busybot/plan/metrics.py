@@ -179,7 +179,7 @@ def _more(tasks: Sequence[JudgedTask], rollouts: Sequence[JudgedRollout], rng: n
     weights = np.array([1 / len(one.responders) for one in rollouts for _ in one.responders])  # every task counts alike
     objects = [each.key for _, each in records]
     return {
-        "steps_over_shortest": _mean([one.steps / task.least_steps for task, one in solved]),
+        "steps_over_shortest": _mean([one.steps / task.least_steps for task, one in solved if task.least_steps]),
         "solved_interval": binomial_interval(len(solved), len(tasks)),
         "micro_intervals": {
             "objects": interval_over_objects(right, whole, objects, boards, rng),

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from busybot.boards.dynamics import Dynamics, DynamicState
+from busybot.boards.dynamics import Dynamics, DynamicState, Links
 from busybot.boards.spec import BoardSpec
 from busybot.boards.task import start_states
 from busybot.boards.worlds import links_of
@@ -72,6 +72,9 @@ class EpisodeReplay:
     Args:
         simulator: from `simulator_of`, with the episode's objects; episodes with the same settings can share it.
         episode: read with `images="lazy"`.
+
+    Raises:
+        BusybotError: it knows no states, or states that the objects' links do not have.
     """
 
     def __init__(self, simulator: Simulator, episode: Episode):
@@ -82,6 +85,7 @@ class EpisodeReplay:
         if episode.steps and len(self.scene.triggers) != triggers:
             what = f"the recording has {triggers} trigger links, the objects {len(self.scene.triggers)}"
             raise BusybotError(what, OTHER_OBJECTS)
+        self._triggers = _trigger_states(episode, self.scene.dynamics.links)
         now = replace(episode, renderer=renderer_fingerprint(self.scene), versions=recorded_versions())
         self._rule = rule_for(episode, now)
 
@@ -94,7 +98,7 @@ class EpisodeReplay:
         steps = self.episode.steps
         if not 0 <= step <= len(steps):
             raise BusybotError(f"there is no step {step}", f"choose one from 0 (the start) to {len(steps)}")
-        states = steps[step - 1].trigger_states_after if step else start_states(self.episode.board)
+        states = self._triggers[step]
         if self.scene.dynamics.remembers:
             self.scene.rest(BoardState(states, self._remembered[step]))
             return self.scene
@@ -109,7 +113,7 @@ class EpisodeReplay:
     @cached_property
     def _remembered(self) -> list[DynamicState]:
         """What the mechanisms remember at the start and after each step, which the trigger links' states decide."""
-        return self.scene.dynamics.run(_trigger_states(self.episode))
+        return self.scene.dynamics.run(self._triggers)
 
     def observe(self, step: int) -> Image:
         """The camera's picture after `step` steps as the file would have stored it.
@@ -131,6 +135,8 @@ class EpisodeReplay:
             states = here == tuple(getattr(recorded, f"{name}_states_{when}") for name in ("trigger", "responder"))
             states &= not step or self.scene.memory == recorded.memory_after
             there = np.array(getattr(recorded, f"joint_positions_{when}"))
+            if len(there) != len(self.scene.triggers):
+                raise BusybotError(f"step {step}: the recording tells no positions of its joints", OTHER_RECORDINGS)
             joints = float(np.abs(there - self.scene.joint_positions()).max(initial=0.0))
         return Compared(step, states, joints, compare_images(self.episode.image(step), image), self._rule)
 
@@ -199,17 +205,31 @@ def render_config(episode: Episode) -> RenderConfig:
 
 
 def shows_effects(episode: Episode, library: Library) -> bool:
-    """Whether responders follow their triggers in the recording; a collection can leave effects out."""
+    """Whether responders follow their triggers in the recording; a collection can leave effects out.
+
+    Raises:
+        BusybotError: a step has states that the board's links do not have.
+    """
     links = links_of([library.get(placed.key) for placed in episode.board.objects])
     if not episode.steps or len(episode.steps[0].trigger_states_after) != len(links.names):
         return True
-    states = Dynamics(episode.board, links).run(_trigger_states(episode))
+    states = Dynamics(episode.board, links).run(_trigger_states(episode, links))
     return all(step.responder_states_after == s.shown for step, s in zip(episode.steps, states[1:], strict=True))
 
 
-def _trigger_states(episode: Episode) -> list[tuple[int, ...]]:
-    """States of the trigger links at the start and after each step."""
-    return [start_states(episode.board), *(step.trigger_states_after for step in episode.steps)]
+def _trigger_states(episode: Episode, links: Links) -> list[tuple[int, ...]]:
+    """States of the trigger links at the start and after each step.
+
+    Raises:
+        BusybotError: a step has states that the links do not have.
+    """
+    found = [start_states(episode.board), *(step.trigger_states_after for step in episode.steps)]
+    for number, states in enumerate(found):
+        known = len(states) == len(links.sizes)
+        if not known or any(not 0 <= state < size for state, size in zip(states, links.sizes, strict=True)):
+            what = f"step {number}: states {list(states)} of trigger links that have {list(links.sizes)} states"
+            raise BusybotError(what, OTHER_OBJECTS)
+    return found
 
 
 def held_trigger(scene: BoardScene, step: Step) -> int | None:

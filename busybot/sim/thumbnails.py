@@ -8,8 +8,10 @@ from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
+from pydantic import ValidationError
 
 from busybot.boards.spec import BoardSpec, PlacedObject
+from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
 from busybot.sim.scene.board_scene import Simulator
@@ -78,20 +80,28 @@ def _radius(model: ObjectModel) -> float:
 
 
 def _camera(model: ObjectModel, radius: float, pixels: int) -> RenderConfig:
-    """A camera that holds a ball of this radius around the middle of the object's box."""
+    """A camera that holds a ball of this radius around the middle of the object's box.
+
+    Raises:
+        BusybotError: the object is too large, or stands too far off.
+    """
     middle = (np.add(model.bounds_max, model.bounds_min)) * model.scale / 2 + [0, 0, model.offset_z]
     direction = VIEW / np.linalg.norm(VIEW)
     distance = 1.03 * radius / np.sin(np.deg2rad(FOV_DEG / 2))
     x, y, z = (middle + distance * direction).tolist()
-    return RenderConfig(
-        width=pixels,
-        height=pixels,
-        position=(x, y, z),
-        target=tuple(middle.tolist()),
-        fov_deg=FOV_DEG,
-        near=0.2 * distance,
-        far=distance + 4.0,
-    )
+    try:
+        return RenderConfig(
+            width=pixels,
+            height=pixels,
+            position=(x, y, z),
+            target=tuple(middle.tolist()),
+            fov_deg=FOV_DEG,
+            near=0.2 * distance,
+            far=distance + 4.0,
+        )
+    except ValidationError:  # no camera stands so far away
+        what = f"{model.folder}: with its Scale {model.scale:g} it is {2 * _radius(model):.3g} board units across"
+        raise BusybotError(f"{what}, too large for a portrait", "give it a smaller Scale: boards are 4 x 4") from None
 
 
 def _portrait(simulator: Simulator, model: ObjectModel, size: int) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Boards follow the rules of the protocol, and the same seed gives the same boards."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from busybot.boards.generate import Redraws, generate_boards
 from busybot.boards.layout import BOARD_HALF, EDGE, footprint
 from busybot.boards.relations import STEP_OF_STATE
 from busybot.boards.spec import BoardSpec, LinkRef, Relation
+from busybot.boards.worlds import BUILT
 from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
@@ -183,6 +185,7 @@ def test_what_no_world_has_is_given_up_early() -> None:
         ({"switches": (0, 2)}, "at least one"),
         ({"lamps": (7, 8)}, "at least 7 do not fit"),
         ({"toys": (6, 6)}, "ask for at least 13 objects"),
+        ({"links": (20, 8)}, "links: the range 20..8 is empty"),
     ],
 )
 def test_contradictory_counts_are_refused(options: dict[str, object], message: str) -> None:
@@ -227,6 +230,21 @@ def test_unknown_relation_kinds_survive_the_schema(library: Library) -> None:
     assert again.relations[0].kind == "and-gate" and again.relations[0].parameters == {"delay": 2}
 
 
+def without(library: Library, category: str) -> Library:
+    """The library of somebody who has no such objects."""
+    kept = {key: model for key, model in library.objects.items() if model.category != category}
+    splits = {split: {key: weights[key] for key in weights if key in kept} for split, weights in library.splits.items()}
+    return replace(library, objects=kept, splits=splits)
+
+
+def test_a_library_without_doors_has_boards_of_lamps(library: Library) -> None:
+    lamps = boards(library, boards=2, group_size=1, lamps=(6, 6))
+    assert boards(without(library, "Door"), boards=2, group_size=1, lamps=(6, 6)) == lamps
+    with pytest.raises(BusybotError, match=r"no Door .* may need up to 3") as error:
+        boards(without(library, "Door"), boards=1)
+    assert "--set lamps=[6,6]" in (error.value.hint or "")
+
+
 def key_of(library: Library, category: str, split: str = "train") -> str:
     return library.weights(split, category)[-1][0]
 
@@ -262,3 +280,13 @@ def test_what_is_not_asked_for_leaves_the_configuration_as_it_was() -> None:
     assert not {"include", "only"} & set(BoardConfig().model_dump(mode="json"))
     assert BoardConfig(only=["Lamp/a"]).model_dump(mode="json")["only"] == ["Lamp/a"]
     assert BoardConfig.model_validate(BoardConfig(only=["Lamp/a"]).model_dump(mode="json")).only == ("Lamp/a",)
+
+
+@pytest.mark.parametrize("links", [{}, {"links": None}, {"links": (3, 5)}, {"links": (8, 10)}])
+@pytest.mark.parametrize("world", ["paper", "gates", "kitchen", "real-board"])
+def test_what_is_recorded_of_a_configuration_draws_the_same_boards(world: str, links: dict[str, object]) -> None:
+    if world in BUILT and links.get("links"):
+        return
+    config = BoardConfig(world=world, **links)
+    assert BoardConfig.model_validate(config.model_dump(mode="json")) == config
+    assert ("links" in config.model_dump(mode="json")) == (world == "gates" or config.links is not None)

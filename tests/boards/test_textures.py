@@ -1,5 +1,7 @@
 """Textures are our own, differ from each other, and are the same every time."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec, PlacedObject
 from busybot.boards.textures import COLORS, TEXTURES, contact_shadow, painted, texture
+from busybot.common.errors import BusybotError
 from busybot.objects.resolve import find
 
 
@@ -26,7 +29,7 @@ def test_paint_follows_the_colour() -> None:
 
 
 def test_unknown_names_are_refused() -> None:
-    with pytest.raises(ValueError, match="wood"):
+    with pytest.raises(BusybotError, match="wood"):
         texture("marble")
 
 
@@ -43,3 +46,14 @@ def test_the_shadow_is_as_large_as_the_object_on_the_board() -> None:
 def replaced(board: BoardSpec, placed: PlacedObject, scale: float) -> BoardSpec:
     alone = placed.model_copy(update={"position": (0.0, 0.0, 0.0), "scale": scale})
     return board.model_copy(update={"objects": (alone,)})
+
+
+@pytest.mark.parametrize("side", [5e-324, 1e-9, 0.01])
+def test_a_strangers_tiny_board_takes_no_longer(side: float) -> None:
+    library = find("procedural")
+    (board,) = generate_boards(BoardConfig(boards=1, seed=2), library)
+    far = board.objects[0].model_copy(update={"position": (1000.0, -1000.0, 0.0)})
+    tiny = board.model_copy(update={"size": (side, side), "objects": (board.objects[1], far)})
+    began = time.process_time()
+    shade = contact_shadow(tiny, [library.get(placed.key) for placed in tiny.objects])
+    assert shade.shape == (512, 512) and np.isfinite(shade).all() and time.process_time() - began < 10

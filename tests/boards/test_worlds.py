@@ -13,7 +13,7 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.mechanisms import available, mechanism_of
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, Relation
 from busybot.boards.task import affectable, reachable, start_states
-from busybot.boards.worlds import DIRECT, NOVEL, WORLDS, draw_locks, links_of, world_named
+from busybot.boards.worlds import DIRECT, NOVEL, WORLDS, draw_locks, links_of, with_world, world_named
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.objects.library import Library
@@ -299,3 +299,9 @@ def test_draws_on_which_nothing_can_be_found_are_thrown_away() -> None:
     assert not worlds._acts_otherwise(board([gate], sizes), board([same], sizes), there, walk)
     assert worlds._acts_otherwise(board([gate], sizes), board([late], sizes), there, walk)
     assert mechanism_of(gate, sizes) != mechanism_of(late, sizes)
+
+
+def test_objects_without_links_do_not_suffice_for_any_world() -> None:
+    """A stranger's switches may be responders: an annotation decides what an object does."""
+    for name in WORLDS:
+        assert with_world(board([], ()), [], name, (1, 8)) is None

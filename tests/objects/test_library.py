@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,21 @@ def test_found_by_hash_wherever_it_was_last_seen(small: Path) -> None:
     # the default library holds the same lamp, but this one was seen last
     assert find(None, expected).folder == small.resolve()
     assert find(str(small), expected).get("Lamp/globe-01").sha256 == expected["Lamp/globe-01"]
+
+
+def test_a_package_that_brings_no_folder_is_named_and_others_are_found(
+    small: Path, registered: list[EntryPoint]
+) -> None:
+    registered.append(EntryPoint("theirs", "tests.objects.test_library:nothing", "busybot.objects"))
+    with pytest.raises(BusybotError, match="tests.objects.test_library:nothing.* returns a NoneType, not a library's"):
+        find("theirs")
+    assert find(None, Library.load(small).hashes())
+    with pytest.raises(BusybotError, match="Door/none is absent"):
+        find(None, {"Door/none": "0" * 64})
+
+
+def nothing() -> None:
+    """What a stranger's package may return."""
 
 
 def test_changed_and_absent_objects_are_refused_by_name(small: Path) -> None:

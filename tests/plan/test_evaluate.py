@@ -31,6 +31,7 @@ from busybot.plan.agents.paper import NoopAgent
 from busybot.plan.contact_proposals import LearnedProposals
 from busybot.plan.evaluate import PlanEvaluation, evaluate_agents, trained_elsewhere, unmoved_links
 from busybot.plan.interfaces import Act, Contact, DecisionState, Stop, TaskContext
+from busybot.plan.learning import explore
 from busybot.plan.learning.network import PolicyInfo, PolicyNetwork, PolicyNetworkConfig
 from busybot.plan.rollout import PlanConfig, PreparedTask, RolloutRunner, check_settings
 from busybot.reason.models.base import Reasoner
@@ -158,6 +159,19 @@ def test_a_board_that_its_camera_does_not_see_is_named(dataset: Dataset, tmp_pat
         run(copied, agents=["noop"])
 
 
+def test_a_board_that_cannot_be_explored_is_named(
+    dataset: Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*given: object) -> None:
+        raise BusybotError("nothing is there", "look again")
+
+    monkeypatch.setattr(explore, "explore", fails)
+    work = explore.make_work(dataset.path, find("procedural"), MODEL, explore.BoardGraphConfig(), tmp_path, 0)
+    with pytest.raises(BusybotError, match=r"boards-00000\.jsonl: line 2: nothing is there") as error:
+        work(1)
+    assert error.value.hint == "look again"
+
+
 def test_histories_that_another_camera_saw_are_refused(tmp_path: Path) -> None:
     dataset = create_dataset(tmp_path / "tasks", BoardConfig(boards=1, tasks="one-to-one"), find("procedural"))
     usual = InteractionConfig()
@@ -240,6 +254,21 @@ class Stranger(NoopAgent):
 def test_only_what_was_offered_can_be_held(player: RolloutRunner, task: PreparedTask) -> None:
     with pytest.raises(BusybotError, match="was not offered"):
         player.play(task, Stranger)
+
+
+class Silent(NoopAgent):
+    """Forgets to answer."""
+
+    def __init__(self, reasoner: Reasoner):
+        pass
+
+    def decide(self, situation: DecisionState) -> Act | Stop:
+        return None  # type: ignore[return-value]
+
+
+def test_an_answer_that_is_none_is_refused_by_the_agents_name(player: RolloutRunner, task: PreparedTask) -> None:
+    with pytest.raises(BusybotError, match="agent noop answered 'None', which is neither an Act nor a Stop"):
+        player.play(task, Silent)
 
 
 class Stubborn(NoopAgent):

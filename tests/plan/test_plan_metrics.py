@@ -137,3 +137,11 @@ def test_in_the_interval_over_objects_every_task_counts_alike() -> None:
 def test_where_nothing_can_be_affected_nothing_is_missed() -> None:
     idle = rollout("noop")
     assert idle.solved and idle.success == 1.0
+
+
+def test_a_task_that_is_solved_at_the_start_has_no_share_in_how_much_longer_ways_are() -> None:
+    """Nobody draws such a task, but a board that was written by hand may have one."""
+    at_once = JudgedTask(board=2, kind="reach", least_steps=0, rollouts=(rollout("a", KEPT, steps=0),))
+    longer = JudgedTask(board=3, kind="reach", least_steps=1, rollouts=(rollout("a", HIT),))
+    assert summarise([at_once, longer], ["a"], rng())["agents"]["a"]["steps_over_shortest"] == 2
+    assert summarise([at_once], ["a"], rng())["agents"]["a"]["steps_over_shortest"] is None

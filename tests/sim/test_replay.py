@@ -111,6 +111,18 @@ def test_what_cannot_be_put_back_is_said(small_simulator: Simulator, tmp_path: P
         EpisodeReplay(small_simulator, make_episode())
     with pytest.raises(BusybotError, match="renderer"):
         render_config(make_episode())
+    first, second = episode.steps
+    links = len(first.trigger_states_after)
+    for states in ((), (9,) * links, (-1,) * links):
+        before = () if states == () else second.trigger_states_before
+        strange = replace(second, trigger_states_after=states, trigger_states_before=before)
+        with pytest.raises(BusybotError, match=r"step 2: states \[.*\] of trigger links that have \["):
+            EpisodeReplay(small_simulator, replace(episode, steps=[first, strange]))
+        with pytest.raises(BusybotError, match="step 2"):
+            shows_effects(replace(episode, steps=[first, strange]), small_simulator.library)
+    unmeasured = replace(second, joint_positions_before=(), joint_positions_after=())
+    with pytest.raises(BusybotError, match="step 2: .* no positions of its joints"):
+        EpisodeReplay(small_simulator, replace(episode, steps=[first, unmeasured])).compare(2)
     write_episode(tmp_path / "e.mcap", replace(episode, settings={}))
     for seed in ("7a", None, [1]):
         told = replace(episode, settings=episode.settings | {"seed": seed})

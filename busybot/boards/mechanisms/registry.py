@@ -83,6 +83,8 @@ def _brought(name: str, known: Mapping[str, type[Mechanism]]) -> type[Mechanism]
     kind, arity = getattr(found, "kind", None), found.arity
     if not (isinstance(kind, str) and re.fullmatch(KIND_PATTERN, kind)):
         raise BusybotError(f"{where} names its kind {kind!r}", "name it by lower-case letters, digits and hyphens")
+    if not (isinstance(arity, tuple | list) and len(arity) == 2 and all(isinstance(count, int) for count in arity)):
+        raise BusybotError(f"{where} has the arity {arity!r}", "give two numbers of inputs: the least, then the most")
     if not 0 <= arity[0] <= arity[1]:
         raise BusybotError(f"{where} has from {arity[0]} to {arity[1]} inputs", "give the least number, then the most")
     if known.get(found.kind, found) is not found:

@@ -21,7 +21,7 @@ import yaml
 from pydantic import Field, ValidationError, model_validator
 
 from busybot.common.atomic_io import write_atomically
-from busybot.common.config import check_tokens, yaml_fault
+from busybot.common.config import DAMAGED_YAML, check_tokens, yaml_fault
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.text import one_line
@@ -166,7 +166,7 @@ def read_overrides(path: Path) -> Overrides:
         node = loader.get_single_node()
         lines = _lines(path, node)
         value: Any = loader.construct_document(node) if node is not None else None
-    except (yaml.YAMLError, RecursionError, ValueError) as error:
+    except DAMAGED_YAML as error:
         raise BusybotError(f"{path}{yaml_fault(error)}", _HINT) from None
     found = Overrides(path, {}, lines)
     objects = value.get("objects") if isinstance(value, dict) else None

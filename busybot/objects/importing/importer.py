@@ -2,17 +2,20 @@
 
 An object's folder is built beside its place and renamed into it. The split file names the object before its folder
 appears, and under a former category until that folder is gone: at any moment the library can be read, though without an
-object that is just being replaced. The same import again changes nothing.
+object that is just being replaced. Imports into one library take turns, object by object. The same import again changes
+nothing.
 """
 
 import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from busybot.common.atomic_io import (
+    in_turn,
     inside,
     make_folder,
     read_json,
@@ -115,7 +118,8 @@ def import_objects(
     """
     if out is not None:
         _check_library(out)
-        remove_abandoned(out, _WORK, lambda left: _tidy(out, left))
+        with in_turn(out) if out.is_dir() else nullcontext():
+            remove_abandoned(out, _WORK, lambda left: _tidy(out, left))
     for folder in folders:
         try:
             yield _import(folder, out, overrides or Overrides(None, {}, {}), split, replace)
@@ -146,7 +150,8 @@ def _import(folder: Path, out: Path | None, overrides: Overrides, split: Split |
     told = (model.key, decision.choices, decision.notes, decision.questions)
     if out is None:
         return ImportOutcome(folder.name, "proposed", *told)
-    new, chosen = _place(annotated, out, model, replace, split)
+    with in_turn(out):
+        new, chosen = _place(annotated, out, model, replace, split)
     return ImportOutcome(folder.name, "imported" if new else "unchanged", *told, chosen)
 
 

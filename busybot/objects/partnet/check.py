@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 
+from pydantic import ValidationError
+
 from busybot.common.errors import BusybotError
 from busybot.objects.importing.annotation_edits import Choices
 from busybot.objects.importing.auto_annotation import decide
@@ -116,10 +118,13 @@ def _questions(name: str, folder: Path, model: ObjectModel) -> list[Finding]:
     if not isinstance(overrides, list) or "orientation" in overrides:
         return []
     links = {link.name: link.kind for link in model.trigger_links}
-    given = Choices.model_validate({"category": model.category, "scale": model.scale, "links": links or None})
     try:
+        given = Choices.model_validate({"category": model.category, "scale": model.scale, "links": links or None})
         decision = decide(read_raw(folder), given)
-    except BusybotError:  # of files that an import reads and a board does not
+    except (
+        ValidationError,
+        BusybotError,
+    ):  # no import makes a Door a trigger; files that it reads and a board does not
         return []
     if decision.choices.orientation != tuple(value["Orientation"]):
         return []

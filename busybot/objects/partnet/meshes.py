@@ -125,8 +125,9 @@ def _check_vertices(file: _File) -> np.ndarray:
     values = _numbers(b"\n".join(lines))
     others = [_numbers(b"\n".join(file.lines(key))) for key in (b"vt", b"vn")]
     plain = all(other is not None for other in others)
-    # three coordinates, perhaps a weight or a colour
-    if values is None or not plain or values.size not in [len(lines) * k for k in (3, 4, 6, 7)]:
+    # three coordinates, perhaps a weight or a colour, and on every line the same: else rows would slip
+    widths = {len(line.split()) for line in lines}
+    if values is None or not plain or len(widths) > 1 or not widths <= {3, 4, 6, 7}:
         file.refuse("a vertex, normal or texture coordinate is not a list of numbers", "export the mesh again")
     for array in (values, *others):
         if array is not None and array.size and not np.abs(array).max() <= MAX_COORDINATE:

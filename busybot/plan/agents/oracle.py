@@ -75,7 +75,7 @@ class OracleAgent:
         self._law = Dynamics(scene.spec, scene.dynamics.links, lucky=False)
 
     def start(self, briefing: TaskContext) -> None:
-        pass
+        self._ahead = max(MAX_STEPS, briefing.steps)  # tasks may be drawn that take more (`BoardConfig.plan`)
 
     def decide(self, situation: DecisionState) -> Act | Stop:
         if self._task.responders is not None:
@@ -95,7 +95,7 @@ class OracleAgent:
         """The first action of a shortest plan from here."""
         saved = self._scene.save()
         state = saved.dynamics or self._law.start(saved.triggers)
-        way = way_to_goal(self._scene.spec, self._law, saved.triggers, state, MAX_STEPS, PLANNED)
+        way = way_to_goal(self._scene.spec, self._law, saved.triggers, state, self._ahead, PLANNED)
         if way is None:
             return Stop("no plan was found")
         if not way:

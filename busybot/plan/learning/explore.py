@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from busybot.boards.task import MAX_STEPS, reached
+from busybot.common.errors import naming
 from busybot.common.frozen_model import FrozenModel
 from busybot.common.process_pool import Progress, run_tasks
 from busybot.datasets.dataset import Dataset
@@ -96,8 +97,9 @@ def make_work(
         began = time.process_time()
         history = read_episode(dataset.episode_path(index), "lazy")
         features = features_of(dataset, Persistence.encoder, episodes=[index], workers=1)[index]
-        task = player.prepare(history, features)
-        found = explore(player, task, simulator.board(history.board), config.interaction)
+        with naming(dataset.board_place(index)):
+            task = player.prepare(history, features)
+            found = explore(player, task, simulator.board(history.board), config.interaction)
         group = f"{history.board.seed} {history.board.split} {history.board.appearance_group}"
         board = ExploredBoard(task.briefing, found, group, time.process_time() - began)
         save_explored(_file_of(folder, number, index), board)

@@ -76,3 +76,10 @@ class Never(Echo):
 
 
 NOTHING = 3
+
+
+class Odd(Echo):
+    """Says how many inputs it has as one number."""
+
+    kind: ClassVar[str] = "odd"
+    arity: ClassVar = 2  # type: ignore[assignment]

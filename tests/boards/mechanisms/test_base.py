@@ -110,6 +110,7 @@ def test_packages_bring_kinds_of_their_own(registered: list[EntryPoint]) -> None
         ("tests.boards.mechanisms.strange:Absent", "cannot be loaded"),
         ("tests.boards.mechanisms.no_such_module:Echo", "cannot be loaded"),
         ("tests.boards.mechanisms.strange:Misnamed", "names its kind 'in_order'"),
+        ("tests.boards.mechanisms.strange:Odd", "has the arity 2"),
     ],
 )
 def test_packages_that_bring_something_else_are_named(registered: list[EntryPoint], value: str, message: str) -> None:

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -330,3 +331,27 @@ def test_a_sliding_door_without_states_opens_in_board_units(tmp_path: Path) -> N
     model = Library.load(tmp_path / "library").get("Door/3")
     assert model.effect is not None and model.effect.single == ((0,), (pytest.approx(0.5 * model.scale),))
     assert model.bounds_max[2] == pytest.approx(0.15 + 0.5)
+
+
+def test_two_imports_into_one_library_at_once_lose_nothing(
+    raw: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each reads the split file, adds its object and writes it: in between another one would be forgotten."""
+    put(tmp_path / "library", raw / "1")
+    code = f"""
+from pathlib import Path
+from busybot.objects.importing.importer import import_objects
+list(import_objects([Path({str(raw / "2")!r})], Path({str(tmp_path / "library")!r})))
+"""
+    others: list[subprocess.Popen[bytes]] = []
+
+    def slowly(path: Path, value: Any) -> None:
+        others.append(subprocess.Popen([sys.executable, "-c", code]))
+        with suppress(subprocess.TimeoutExpired):
+            others[0].wait(5)
+        write_json(path, value)
+
+    monkeypatch.setattr(importing, "write_json", slowly)
+    put(tmp_path / "library", raw / "3")
+    assert [other.wait(60) for other in others] == [0]
+    assert set(Library.load(tmp_path / "library").objects) == {"Switch/1", "Switch/2", "Door/3"}

@@ -112,3 +112,10 @@ def test_what_is_fixed_to_a_link_may_be_held_nearer_to_its_axis(tmp_path: Path) 
         library_of(tmp_path / str(bad), urdf, category="Switch", scale=1.0, links={"arm": "two-state"})
         found = [one.problem or "" for one in check_objects(tmp_path / str(bad) / "library")]
         assert ("has to be pulled" in " ".join(found)) is bad
+
+
+def test_a_door_that_is_a_trigger_has_no_doubts_of_an_import_which_makes_none(procedural: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "Door" / "rocker-01"
+    shutil.copytree(procedural / "Switch" / "rocker-01", folder)
+    change(folder / "object_meta_info.json", Category="Door", Import={"overrides": []})
+    assert check_objects(folder) == [Finding("rocker-01")]

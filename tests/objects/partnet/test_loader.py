@@ -196,6 +196,10 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
     "package mesh": (rewrite("mobility.urdf", MESH, "package://textured_objs/link_0.obj"), "package://"),
     "mesh by http": (rewrite("mobility.urdf", MESH, "http://example.org/a.obj"), "http://"),
     "mesh with a backslash": (rewrite("mobility.urdf", MESH, "..\\\\outside.obj"), "plain relative path"),
+    "mesh of which some vertices have colours": (
+        replace(MESH, b"v 0 0 0 9 9 9\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        "a vertex, normal or texture coordinate is not",
+    ),
     "missing mesh": (lambda folder: (folder / MESH).unlink(), "missing"),
     "mesh of another kind": (rewrite("mobility.urdf", MESH, "mobility.urdf"), ".obj"),
     "mesh is a link": (link_out, "is a link"),

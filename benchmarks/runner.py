@@ -146,7 +146,7 @@ def cpu_seconds() -> float:
 
 def peak_mb() -> int:
     """The most memory that this process had."""
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)  # the system tells KiB
 
 
 def load_average() -> list[float]:

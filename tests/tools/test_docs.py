@@ -429,6 +429,12 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
         with pytest.raises(BusybotError, match=f"{name}: has no hashes of what it is about"):
             provenance.part()
         put(results, name, "table1", commit="a1", rows=hashed, **machine)
+    code = {"versions": {"code": "ab" * 32}}
+    for more in ({**code, "rows": {}}, {"rows": {"first": code, "other": code}}):
+        put(results, "coded", "table1", commit="a1", **more, **machine)
+        with pytest.raises(BusybotError, match="coded: has no hashes of what it is about"):
+            provenance.part()
+    (results / "coded.json").unlink()
     put(results, "kinds", "s3", commit="a1", kinds={"first": {"commit": "a1"}, "other": {"commit": "a2"}}, **machine)
     with pytest.raises(BusybotError, match="kinds: rows of several commits"):
         provenance.part()

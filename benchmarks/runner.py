@@ -316,9 +316,31 @@ def _fresh(name: str, old: Any, new: Any) -> list[str]:
     return [f"{name}/{part}" for part, value in new.items() if part not in old or value != old[part]]
 
 
-def told_rows(out: Path, kind: str) -> dict[str, Any]:
-    """The rows that a result file has already."""
-    return dict(read_result(out, kind)["rows"]) if out.exists() else {}
+def told_rows(out: Path, kind: str, **about: Any) -> dict[str, Any]:
+    """The rows that a result file has already.
+
+    Args:
+        about: what the file has to say of itself, where it says it: new rows stand beside the old ones.
+
+    Raises:
+        UsageError: it says something else.
+    """
+    told = read_result(out, kind) if out.exists() else {"rows": {}}
+    if told["rows"] and (others := [name for name, value in about.items() if told.get(name, value) != value]):
+        raise UsageError(f"{out}: its rows are about other {' and '.join(others)}", "name another file")
+    return dict(told["rows"])
+
+
+def hashes_beside(out: Path, kind: str, of: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Hashes of models or data by name, with those that rows of a result file are about that stay there.
+
+    Raises:
+        UsageError: there is another one of the same name.
+    """
+    earlier = read_result(out, kind)["hashes"][of] if out.exists() else {}
+    if others := [name for name, one in found.items() if earlier.get(name, one) != one]:
+        raise UsageError(f"{out}: it has rows about another {others[0]}", "name another file")
+    return {**earlier, **found}
 
 
 def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:

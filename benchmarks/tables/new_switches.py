@@ -102,10 +102,12 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     others = {Path(one).name: ("--model", one) for one in options.models}
     if len(others) < len(options.models) or others.keys() & POLICIES.keys():
         raise UsageError("models are told apart by the names of their folders", f"no two alike, none of {[*POLICIES]}")
-    library = options.work / f"drawn-{options.seed}-{options.drawn}"
+    library = options.work / f"drawn-{options.seed}"
     if not library.exists():
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
+    if (there := len(list(library.glob("Switch/drawn-*")))) != options.drawn:
+        raise UsageError(f"{library}: it has {there} drawn switches, not {options.drawn}", "name another --work")
     rows: dict[str, Any] = {}
     data = {}
     for name, assets in (("new", str(library)), *(() if others else (("looked at", "procedural"),))):

@@ -19,7 +19,7 @@ from typing import Any
 
 import psutil
 
-from busybot.common.atomic_io import read_json
+from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError, UsageError, naming_extras
 from busybot.evaluation.folder import OTHER_CODE
 from busybot.evaluation.results import KINDS, of_this_code, read_result, stamp, write_result
@@ -224,8 +224,8 @@ def train(out: Path, *arguments: str) -> dict[str, Any]:
     with Cost() as cost:
         told = busybot(*arguments)
     if fresh:
-        note.write_text(json.dumps({"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)}))
-    told["cost"] = json.loads(note.read_text()) if note.exists() else None
+        write_json(note, {"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)})
+    told["cost"] = read_json(note) if note.exists() else None
     return told
 
 
@@ -256,6 +256,22 @@ def _private(pid: int) -> float:
     except OSError:
         return 0.0  # it has just ended
     return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) * 1024 / 1e6
+
+
+def named(given: Iterable[str], option: str) -> dict[str, str]:
+    """What words like `NAME=FOLDER` name, by name.
+
+    Raises:
+        UsageError: one has no name, or names nothing, or two have one name.
+    """
+    found: dict[str, str] = {}
+    for word in given:
+        name, _, value = word.partition("=")
+        if not name or not value or name in found:
+            fault = "a second one of this name" if name in found else "not of the form NAME=FOLDER"
+            raise UsageError(f"{option} {word}: {fault}", "give each a name of its own, and what it is")
+        found[name] = value
+    return found
 
 
 def chosen(names: str, known: Iterable[str]) -> list[str]:

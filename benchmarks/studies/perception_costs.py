@@ -161,15 +161,13 @@ def main(words: Sequence[str] | None = None) -> None:
     arguments = options.parse_args(words)
     models = arguments.models.split(",")
     reasoners = [_reasoner(model) for model in models]
-    named = [one.partition("=") for one in arguments.data]
-    if bare := [name for name, _, dataset in named if not dataset]:
-        raise UsageError(f"--data {bare[0]}: a dataset without a name", "say NAME=DATASET")
+    named = runner.named(arguments.data, "--data")
     about = {"assets": runner.assets_name(arguments.assets)}
     rows = runner.told_rows(arguments.out, KIND, **about)
     hashes = {Path(model).name: file_hashes(find_folder(model, "reason")) for model in models}
-    if rows.keys() - {name for name, _, _ in named} and read_result(arguments.out, KIND)["hashes"]["models"] != hashes:
+    if rows.keys() - named.keys() and read_result(arguments.out, KIND)["hashes"]["models"] != hashes:
         raise UsageError(f"{arguments.out}: it has rows of other models", "name another file")
-    for name, _, dataset in named:
+    for name, dataset in named.items():
         rows[name] = figures(Path(dataset), reasoners, arguments.assets, arguments.boards)
         print(name, rows[name]["mistakes"], {way: told["30"]["share"] for way, told in rows[name]["ways"].items()})
     runner.finish(KIND, arguments, {**about, "rows": rows}, hashes={"models": hashes}, seed=SEED)

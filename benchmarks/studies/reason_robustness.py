@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import chosen, finish, hashes_beside, one_of, parser, told_rows
+from benchmarks.runner import chosen, finish, hashes_beside, named, one_of, parser, told_rows
 from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from busybot.common.atomic_io import sha256_of
 from busybot.common.process_pool import share
@@ -239,7 +239,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     only = (UNDISTURBED, *(chosen(arguments.only, known) if arguments.only else known))
     dataset = Dataset.open(arguments.data)
     indices = sorted(dataset.finished())[: arguments.boards]
-    models = dict(model.split("=", 1) for model in arguments.model)
+    models = named(arguments.model, "--model")
     png = Dataset.open(arguments.png) if arguments.png else None
     about, of = origin(dataset), {name: _origin(folder) for name, folder in models.items()}
     if arguments.only:  # other rows stay

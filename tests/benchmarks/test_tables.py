@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks import runner
 from benchmarks.runner import as_typed, finish, hashes_beside, one_of, parser, told_rows, typed
-from benchmarks.studies import proposed_boxes
+from benchmarks.speed import interact as interact_speed
+from benchmarks.studies import features, proposed_boxes, reason_robustness
 from benchmarks.tables import real_board, table1, table2, table3, whole_pipeline
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
@@ -89,6 +90,37 @@ def test_what_is_judged_with_another_model_or_other_decoders_is_judged_again(
             changes()
     table2.answered(command, out, judged.path)
     assert len(asked) == 3
+
+
+@pytest.mark.parametrize("words", [["event"], ["event="], ["=folder"], ["event=a", "event=b"]])
+def test_words_that_name_nothing_are_refused(words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--model"):
+        runner.named(words, "--model")
+    with pytest.raises(UsageError, match="--learned"):
+        table3.folders_of(words)
+    data = make_dataset(tmp_path / "data").path
+    asked = [word for one in words for word in ("--model", one)]
+    with pytest.raises(UsageError, match="--model"):
+        reason_robustness.main(["--data", str(data), *asked, "--out", str(tmp_path / "out.json")])
+    assert runner.named(["event=a=b", "lookup=c"], "--model") == {"event": "a=b", "lookup": "c"}
+
+
+def test_what_a_training_cost_is_whole_or_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "busybot", lambda *words: {})
+    assert runner.train(tmp_path / "event-0")["cost"].keys() == {"seconds", "megabytes"}
+    assert [path.name for path in tmp_path.iterdir()] == ["event-0.cost.json"]
+    (tmp_path / "event-0").mkdir()
+    (tmp_path / "event-0.cost.json").write_text('{"seconds": 3')
+    with pytest.raises(BusybotError, match=r"event-0\.cost\.json: not valid JSON"):
+        runner.train(tmp_path / "event-0")
+
+
+def test_too_few_boards_to_leave_any_out_are_refused(tmp_path: Path) -> None:
+    data = make_dataset(tmp_path / "data", finished=(0,)).path
+    with pytest.raises(UsageError, match="data: fewer than 2 recordings"):
+        features.main(["--train", str(data), "--out", str(tmp_path / "f.json")])
+    with pytest.raises(UsageError, match="--boards: the first board(.|\n)*two at least"):
+        interact_speed.main(["--boards", "1"])
 
 
 def test_rows_of_one_file_are_about_the_same(tmp_path: Path) -> None:

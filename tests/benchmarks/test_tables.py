@@ -75,7 +75,12 @@ def test_what_is_judged_with_another_model_or_other_decoders_is_judged_again(
 ) -> None:
     """Both have the names in the command that those had which a training, or a recording, replaced."""
     asked: list[tuple[str, ...]] = []
-    monkeypatch.setattr(runner, "busybot", lambda *words: asked.append(words) or scores(pred_a=0.5))
+
+    def answer(*words: str) -> dict[str, Any]:
+        asked.append(words)
+        return scores(pred_a=0.5)
+
+    monkeypatch.setattr(runner, "busybot", answer)
     model, out = tmp_path / "event-0" / "model", tmp_path / "judged.json"
     model.mkdir(parents=True)
     (model / "model.json").write_text("{}")
@@ -143,7 +148,8 @@ def test_judgements_of_the_real_board_by_other_code_are_made_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data, chosen = make_dataset(tmp_path / "twin").path, dict[str, list[str]]()
-    [note] = (tmp_path / "judged").glob("*.json") if real_board.judged(data, "", chosen, tmp_path) == {} else ()
+    assert real_board.judged(data, "", chosen, tmp_path) == {}
+    [note] = (tmp_path / "judged").glob("*.json")
     note.write_text(json.dumps(json.loads(note.read_text()) | {"counted": {"kept": []}}))
     assert real_board.judged(data, "", chosen, tmp_path) == {"kept": []}
     monkeypatch.setattr(real_board, "code_digest", lambda: "another version")

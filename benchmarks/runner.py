@@ -19,7 +19,7 @@ from typing import Any
 
 import psutil
 
-from busybot.common.atomic_io import read_json
+from busybot.common.atomic_io import read_json, write_json
 from busybot.common.errors import BusybotError, UsageError, naming_extras
 from busybot.evaluation.folder import OTHER_CODE
 from busybot.evaluation.results import KINDS, of_this_code, read_result, stamp, write_result
@@ -146,7 +146,7 @@ def cpu_seconds() -> float:
 
 def peak_mb() -> int:
     """The most memory that this process had."""
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3)
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6)  # the system tells KiB
 
 
 def load_average() -> list[float]:
@@ -224,8 +224,8 @@ def train(out: Path, *arguments: str) -> dict[str, Any]:
     with Cost() as cost:
         told = busybot(*arguments)
     if fresh:
-        note.write_text(json.dumps({"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)}))
-    told["cost"] = json.loads(note.read_text()) if note.exists() else None
+        write_json(note, {"seconds": round(cost.seconds), "megabytes": round(cost.megabytes)})
+    told["cost"] = read_json(note) if note.exists() else None
     return told
 
 
@@ -256,6 +256,22 @@ def _private(pid: int) -> float:
     except OSError:
         return 0.0  # it has just ended
     return sum(int(line.split()[1]) for line in lines if line.startswith(("Pss_Anon", "Pss_Shmem"))) * 1024 / 1e6
+
+
+def named(given: Iterable[str], option: str) -> dict[str, str]:
+    """What words like `NAME=FOLDER` name, by name.
+
+    Raises:
+        UsageError: one has no name, or names nothing, or two have one name.
+    """
+    found: dict[str, str] = {}
+    for word in given:
+        name, _, value = word.partition("=")
+        if not name or not value or name in found:
+            fault = "a second one of this name" if name in found else "not of the form NAME=FOLDER"
+            raise UsageError(f"{option} {word}: {fault}", "give each a name of its own, and what it is")
+        found[name] = value
+    return found
 
 
 def chosen(names: str, known: Iterable[str]) -> list[str]:
@@ -316,9 +332,31 @@ def _fresh(name: str, old: Any, new: Any) -> list[str]:
     return [f"{name}/{part}" for part, value in new.items() if part not in old or value != old[part]]
 
 
-def told_rows(out: Path, kind: str) -> dict[str, Any]:
-    """The rows that a result file has already."""
-    return dict(read_result(out, kind)["rows"]) if out.exists() else {}
+def told_rows(out: Path, kind: str, **about: Any) -> dict[str, Any]:
+    """The rows that a result file has already.
+
+    Args:
+        about: what the file has to say of itself, where it says it: new rows stand beside the old ones.
+
+    Raises:
+        UsageError: it says something else.
+    """
+    told = read_result(out, kind) if out.exists() else {"rows": {}}
+    if told["rows"] and (others := [name for name, value in about.items() if told.get(name, value) != value]):
+        raise UsageError(f"{out}: its rows are about other {' and '.join(others)}", "name another file")
+    return dict(told["rows"])
+
+
+def hashes_beside(out: Path, kind: str, of: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Hashes of models or data by name, with those that rows of a result file are about that stay there.
+
+    Raises:
+        UsageError: there is another one of the same name.
+    """
+    earlier = read_result(out, kind)["hashes"][of] if out.exists() else {}
+    if others := [name for name, one in found.items() if earlier.get(name, one) != one]:
+        raise UsageError(f"{out}: it has rows about another {others[0]}", "name another file")
+    return {**earlier, **found}
 
 
 def as_typed(command: tuple[str, ...], places: dict[str, str]) -> str:

@@ -1,6 +1,7 @@
 """The comparison of two checkouts finds what differs, and its commands are ones that `busybot` understands."""
 
 import copy
+import math
 import shlex
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,8 @@ def changed(case: str, *place: str | int, to: object) -> dict[str, Any]:
 
 def test_what_is_the_same_passes_whatever_time_it_took() -> None:
     assert compare(FACTS, changed("eval/plan", "timing", to={})) == 0
+    lost = changed("old model/reason-event", "ece", to=math.nan)
+    assert compare(lost, copy.deepcopy(lost)) == 0, "neither is a number"
 
 
 @pytest.mark.parametrize(
@@ -43,7 +46,11 @@ def test_what_is_the_same_passes_whatever_time_it_took() -> None:
         changed("eval/plan", "tasks", to=2.0),
         changed("eval/plan", "figure", to=1),
         changed("old model/reason-event", "ece", to=0.12500000001),
+        changed("old model/reason-event", "ece", to=math.nan),
         changed("straight/reason-event", "weights", "net", "shape", to=[3]),
+        changed(
+            "straight/reason-event", "weights", "net", to={"largest": math.nan, "sample": [math.nan] * 2, "shape": [2]}
+        ),
         {name: facts for name, facts in FACTS.items() if name != "eval/plan"},
         FACTS | {"eval/plan": {FAILED: "exit 1"}},
     ],

@@ -180,6 +180,7 @@ def test_nothing_is_written_and_nothing_else_is_read(store: fsspec.AbstractFileS
         ("memory://nothing", "there is no such folder"),
         ("memory://bucket/d/dataset.json", "is a file"),
         ("gopher://me:secret@host/d", "gopher://host/d: .*not known"),
+        ("gopher://me:half@secret@host/d", "gopher://host/d: .*not known"),
     ],
 )
 def test_addresses_that_hold_none(store: fsspec.AbstractFileSystem, tmp_path: Path, address: str, told: str) -> None:

@@ -341,7 +341,7 @@ def _rewards_of_a_real_camera() -> str:
         holds(f"both rewards find about as many links, {split}", not (_above(*both) or _above(*both[::-1])))
     for key in ("precision", "precision_exploring"):
         over_objects = (cells[row, "novel-config", key].objects for row in ("real-camera-oracle", "real-camera"))
-        (low, _), (_, high) = (ends or (0, 0) for ends in over_objects)
+        (low, _), (_, high) = (ends or (0, 100) for ends in over_objects)  # percent
         holds(f"the true reward is ahead over objects of new configurations, {key}", low > high)
     lines = [(words, [cell(cells[row, *place]) for place in product(NOVEL, TRIES)]) for row, words in REWARDS.items()]
     heads = [f"{words}: {INTERACTION.keys[key]}" for words, key in product(NOVEL.values(), TRIES)]

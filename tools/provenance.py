@@ -165,7 +165,14 @@ def _fault(told: dict[str, Any], history: set[str] | None) -> str | None:
 
 
 def _hashed(value: Any) -> bool:
-    return DIGEST.search(json.dumps(value)) is not None
+    """Whether a digest stands somewhere; that of busybot's own code, which every result has, is of nothing else."""
+    return DIGEST.search(json.dumps(_without_versions(value))) is not None
+
+
+def _without_versions(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _without_versions(one) for name, one in value.items() if name != "versions"}
+    return [_without_versions(one) for one in value] if isinstance(value, list) else value
 
 
 def _made(made: dict[str, Any], row: str) -> set[str]:

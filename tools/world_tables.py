@@ -486,7 +486,7 @@ VIEWS = {"looks": "looks", "picture": "picture", "places": "places", "order": "o
 
 
 def shortcuts() -> str:
-    """The area under the ROC curve of what sees no effect: which trigger of a responder, and below it which pair."""
+    """The area under the ROC curve of what sees no effect: which pair is true, and below it which trigger moves one."""
     told, lines = result("shortcuts"), []
     for world, views in told["rows"].items():
         for words, key in (("which pair", "alike"), ("which trigger", "whom")):

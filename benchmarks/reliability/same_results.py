@@ -53,6 +53,7 @@ from benchmarks.reliability.same_results_cases import (
     within,
 )
 from benchmarks.runner import BUSYBOT, kill_when
+from busybot.common.atomic_io import write_atomically
 from busybot.evaluation.results import stamp
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -299,11 +300,10 @@ def write(file: Path, checkout: Path, facts: dict[str, Facts]) -> None:
     commit = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True).stdout.strip()
     changed = subprocess.run([*git, "status", "--porcelain", "-uno"], capture_output=True, text=True).stdout
     lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(value, sort_keys=True)}" for name, value in facts.items())
-    file.parent.mkdir(parents=True, exist_ok=True)
     command = "python -m benchmarks.reliability.same_results --checkout CHECKOUT --work WORK --out OUT"
     told = stamp("same-results", command=command) | {"commit": commit + ("+" if changed else "")}
     head = json.dumps(told, indent=1).removesuffix("\n}")
-    file.write_text(f'{head},\n "cases": {{\n{lines}\n }}\n}}\n')
+    write_atomically(file, f'{head},\n "cases": {{\n{lines}\n }}\n}}\n'.encode())
 
 
 def read(file: Path) -> dict[str, Facts]:

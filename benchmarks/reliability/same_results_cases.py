@@ -234,7 +234,8 @@ def stripped(facts: Facts) -> Facts:
 
 
 def differences(first: Facts, second: Facts, place: str = "", scale: float = 0.0) -> Iterator[tuple[str, float]]:
-    """What differs: the place with both values, and by how much (relative; infinite where one is not a float).
+    """What differs: the place with both values, and by how much (relative; infinite where one is not a float, or none
+    that is a number).
 
     Args:
         scale: floats are compared relative to it; 0 for relative to the larger one of the two.
@@ -249,9 +250,10 @@ def differences(first: Facts, second: Facts, place: str = "", scale: float = 0.0
     elif isinstance(first, list) and isinstance(second, list) and len(first) == len(second):
         for number, (one, two) in enumerate(zip(first, second, strict=True)):
             yield from differences(one, two, f"{place}[{number}]", scale)
-    elif isinstance(first, float) and isinstance(second, float) and first != second:
-        by = abs(first - second) / (scale or max(abs(first), abs(second)))
-        yield f"{place}: {first!r} and {second!r}", by
+    elif isinstance(first, float) and isinstance(second, float):
+        if first != second and not (math.isnan(first) and math.isnan(second)):
+            by = abs(first - second) / (scale or max(abs(first), abs(second)))
+            yield f"{place}: {first!r} and {second!r}", math.inf if math.isnan(by) else by
     elif first != second or type(first) is not type(second):
         yield f"{place}: {json.dumps(first)[:300]} and {json.dumps(second)[:300]}", math.inf
 

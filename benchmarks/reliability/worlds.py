@@ -198,8 +198,9 @@ def main(words: list[str] | None = None) -> None:
     options.add_argument("--seed", type=int, default=0, help="of the boards and of the moments")
     options.add_argument("--worlds", default=",".join((PAPER, *WORLDS)), help="which, in this order")
     arguments = options.parse_args(words)
-    library, rows = find(arguments.assets), told_rows(arguments.out, KIND)
-    told = {"assets": assets_name(arguments.assets), "rows": rows}
+    library, about = find(arguments.assets), {"assets": assets_name(arguments.assets)}
+    rows = told_rows(arguments.out, KIND, **about, seed=arguments.seed)
+    told = {**about, "rows": rows}
     wanted = cases(chosen(arguments.worlds, (PAPER, *WORLDS)))
     with episode_progress("worlds") as progress:
         for number, case in enumerate(wanted, start=1):

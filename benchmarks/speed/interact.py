@@ -52,6 +52,7 @@ from benchmarks.runner import (
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
+from busybot.common.errors import UsageError
 from busybot.common.rng import generator
 from busybot.datasets.create import create_dataset
 from busybot.datasets.dataset import Dataset
@@ -226,6 +227,8 @@ def main(words: list[str]) -> None:
     options.add_argument("--iterations", type=int, default=30)
     options.add_argument("--models", default=DEFAULT_MODEL, help="shipped models' names and folders, comma-separated")
     arguments = options.parse_args(words)
+    if arguments.boards < 2:
+        raise UsageError("--boards: the first board, which warms caches, does not count", "ask for two at least")
     torch.set_num_threads(1)
     library, models = find(arguments.assets), arguments.models.split(",")
     boards = list(generate_boards(BoardConfig(boards=arguments.boards, group_size=1, seed=SEED), library))

@@ -7,7 +7,8 @@ Every point is a dataset of its own, made and used by the commands that people t
 info`, `dataset verify`, reading all of it, `dataset freeze`, `dataset verify` of the frozen one. Told of each are
 processor seconds of the command and its workers, of its first process alone, wall time, the most memory that its
 first process and that one of its workers had, and what lies on the disk afterwards. A point that is finished is kept
-in the work folder, so a run that was ended continues; points of another commit are measured again.
+in the work folder, so a run that was ended continues; points of another commit, or of changes that were not committed,
+are measured again.
 
 Before every point one product of two matrices is timed, to which seconds are told as ratios. What the points say, in
 slopes and of a million boards, is worked out by `scale_growth`.
@@ -51,7 +52,7 @@ from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import AssetsInfo, DatasetInfo, GeneratorInfo
 from busybot.episodes.mcap.reader import read_episode
-from busybot.evaluation.results import commit, read_result
+from busybot.evaluation.results import code_digest, commit, read_result
 from busybot.objects.library import Library
 from busybot.objects.model import ObjectModel
 from busybot.objects.resolve import find
@@ -304,21 +305,22 @@ Measuring = Callable[[Point, tuple[str, ...], Path], dict[str, Any]]
 
 
 def measured(curves: Mapping[str, Curve], work: Path, measuring: Measuring = measure) -> dict[str, Any]:
-    """Curves with the figures of their points. What this commit has measured already is read, also of another curve."""
+    """Curves with the figures of their points. What this code has measured already is read, also of another curve."""
     make_folder(work)
-    now, done, found, same = commit(), 0, {}, dict[tuple[Point, tuple[str, ...]], Path]()
+    now, code, done = commit(), code_digest(), 0
+    found, same = {}, dict[tuple[Point, tuple[str, ...]], Path]()
     for name, curve in curves.items():
         points = []
         for point in curve.points:
             done += 1
             kept = same.setdefault((point, curve.commands), work / f"{name}-{point.name}.json")
             told = json.loads(kept.read_text()) if kept.exists() else {}
-            if told.get("commit") != now:
+            if not told or told.get("commit") != now or told.get("code") != code:
                 of = sum(len(one.points) for one in curves.values())
                 print(f"point {done} of {of}, {name}: {point.name}", file=sys.stderr, flush=True)
-                told = {**measuring(point, curve.commands, work), "commit": now}
+                told = {**measuring(point, curve.commands, work), "commit": now, "code": code}
                 write_json(kept, told)
-            points.append({key: value for key, value in told.items() if key != "commit"})
+            points.append({key: value for key, value in told.items() if key not in ("commit", "code")})
         found[name] = {"variable": curve.variable, "points": points}
     return found
 

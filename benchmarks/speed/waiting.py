@@ -36,6 +36,7 @@ from benchmarks.runner import (
     cpu_seconds,
     finish,
     load_average,
+    named,
     one_of,
     parser,
     product_seconds,
@@ -197,7 +198,7 @@ def main(words: list[str]) -> None:
     options.add_argument("--checkout", action="append", required=True, help="NAME=FOLDER of a repository; repeatable")
     options.add_argument("--repeat", type=int, default=3)
     arguments = options.parse_args(words)
-    pairs = [word.partition("=")[::2] for word in arguments.checkout]
+    pairs = list(named(arguments.checkout, "--checkout").items())
     rows: dict[str, dict[str, float]] = {}
     with tempfile.TemporaryDirectory() as temporary:
         checkouts = {name: Checkout(Path(folder).resolve(), Path(temporary) / name) for name, folder in pairs}

@@ -269,7 +269,7 @@ def measure(arguments: argparse.Namespace, library: Library) -> Iterator[dict[st
     known = (TABLE, *WORLDS)
     names = chosen(arguments.only, known) if arguments.only else known
     counts = {"random": arguments.boards, "greedy": arguments.greedy}
-    rows = told_rows(arguments.out, KIND)
+    rows = told_rows(arguments.out, KIND, assets=assets_name(arguments.assets), seed=arguments.seed)
     for name in names:
         if name == TABLE:
             rows[name] = table_rows(counts, arguments.seed)

@@ -309,13 +309,20 @@ def _until(curve: np.ndarray) -> int:
 
 
 def models_of(arguments: argparse.Namespace) -> dict[str, str]:
-    """The model that ships and trainings from other seeds, by name."""
-    return {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+    """The model that ships and trainings from other seeds, by name.
+
+    Raises:
+        UsageError: two have one name.
+    """
+    models = {REASONER: REASONER, **{Path(seed).name: seed for seed in arguments.seeds}}
+    if len(models) <= len(arguments.seeds):
+        raise UsageError("two trainings have one name, or that of the model that ships", "name each folder otherwise")
+    return models
 
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each part of each world; what is there is kept."""
-    rows = runner.told_rows(arguments.out, KIND)
+    rows = runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets))
     names = models_of(arguments)
     for part in runner.chosen(arguments.parts, PARTS):
         for world in runner.chosen(arguments.only, WORLDS) if arguments.only else list(WORLDS):
@@ -388,8 +395,8 @@ def main(words: list[str]) -> None:
     options.add_argument("--few", type=int, default=12, help="boards of the exact observer")
     options.add_argument("--seeds", nargs="*", default=[], help="trainings of the same variant from other seeds")
     arguments = options.parse_args(words)
-    models = models_of(arguments)
-    hashes = {"models": {name: file_hashes(find_folder(model, "reason")) for name, model in models.items()}}
+    models = {name: file_hashes(find_folder(model, "reason")) for name, model in models_of(arguments).items()}
+    hashes = {"models": runner.hashes_beside(arguments.out, KIND, "models", models)}  # what was played is kept
     runner.torch_with(1)
     for told in measure(arguments):
         runner.finish(KIND, arguments, told, hashes=hashes, seed=SEED)

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from benchmarks.runner import finish, one_of, parser
+from busybot.common.errors import UsageError
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode import Episode
@@ -35,6 +36,8 @@ from busybot.reason.inputs.feature_store import Features, features_of
 from busybot.reason.inputs.sequence import THRESHOLDS, clusters_of, fit_threshold
 
 ENCODERS = "embedded,embedded-box,embedded-mask,random"
+LEAST = 2
+"""Recorded boards of the training split."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +170,10 @@ def study_encoder(name: str, splits: list[Dataset], arguments: argparse.Namespac
 
 def study(arguments: argparse.Namespace) -> dict[str, Any]:
     splits = [Dataset.open(path) for path in (arguments.train, *arguments.novel)]
+    if len(splits[0].finished()) < LEAST:
+        raise UsageError(
+            f"{arguments.train}: fewer than {LEAST} recordings", "record more: a third of them fits nothing"
+        )
     result: dict[str, Any] = {"datasets": {}, "encoders": {}}
     for dataset in splits:
         result["datasets"][dataset.info.split] = {

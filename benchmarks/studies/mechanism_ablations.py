@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from benchmarks.runner import chosen, finish, one_of, parser, told_rows
+from benchmarks.runner import chosen, finish, hashes_beside, one_of, parser, told_rows
 from benchmarks.studies.bounds import CLAIMED
 from benchmarks.studies.mechanisms import f1_of, found_parents, parent_counts, picked_boards, weights_hash
 from benchmarks.tables.world_rows import ENCODER
@@ -143,8 +143,12 @@ def seen_boards(recorded: Recorded, most: int | None) -> Boards:
     return found
 
 
-def trained(name: str, boards: Boards, arguments: argparse.Namespace) -> _Ablated:
-    """The network of a row; boards of all worlds take turns, so that fewer are fewer of each."""
+def trained(name: str, boards: Boards, data: Mapping[str, str], arguments: argparse.Namespace) -> _Ablated:
+    """The network of a row; boards of all worlds take turns, so that fewer are fewer of each.
+
+    Args:
+        data: hashes of the datasets that the boards come from.
+    """
     row = ABLATIONS[name]
     traces = [_flipping(*one) if row.unseen else one[1] for one in boards[: row.recorded]]
     library, worlds = find("procedural"), sorted({one.world for _, one in boards})
@@ -156,7 +160,7 @@ def trained(name: str, boards: Boards, arguments: argparse.Namespace) -> _Ablate
     net = MechanismNetConfig(worlds=tuple(worlds), changes=row.labels == "parents")
     config = MechanismConfig(iterations=arguments.iterations, labels=row.labels, masked=row.masked, net=net)
     folder = arguments.work / name.replace(" ", "-")
-    begin_folder(folder, config, arguments.seed, data=[{"row": name, "boards": len(traces)}])
+    begin_folder(folder, config, arguments.seed, data=[{"row": name, "boards": len(traces), **data}])
     learner = _Ablated(config, traces, [], arguments.seed)
     learner.hide = row.hide
     fit(learner, folder, config.loop)
@@ -214,11 +218,13 @@ def measure(arguments: argparse.Namespace) -> None:
             else:
                 of_world[world] += read
         print(world, {"trained on": len(of_world[world]), "judged": len(held[world])}, flush=True)
+    kept = rows.keys() - {WHOLE, *names}
+    told_data = hashes_beside(arguments.out, KIND, "data", data) if kept else data
     longest = max(map(len, of_world.values()))
     turns = [own[k] for k in range(longest) for own in of_world.values() if k < len(own)]
     whole: dict[str, np.ndarray] = {}
     for name in dict.fromkeys((WHOLE, *names)):
-        learner = trained(name, turns, arguments)
+        learner = trained(name, turns, data, arguments)
         counts = {world: judged(learner, own, ABLATIONS[name].unseen) for world, own in held.items()}
         counts["all"] = np.concatenate(list(counts.values()))
         whole = whole or counts
@@ -226,7 +232,7 @@ def measure(arguments: argparse.Namespace) -> None:
         rows[name] = {"boards": len(learner.boards), "model": weights_hash(learner.network), "worlds": row}
         print(name, {world: [round(100 * one["share"], 1) for one in told.values()] for world, told in row.items()})
         figures = {"rows": rows, "judged": {world: len(own) for world, own in held.items()}}
-        finish(KIND, arguments, figures, hashes={"data": data})
+        finish(KIND, arguments, figures, hashes={"data": told_data})
 
 
 def main(words: Sequence[str] | None = None) -> None:

@@ -25,6 +25,7 @@ from benchmarks.studies.mechanism_ablations import ACTIONS, compared
 from benchmarks.tables.world_rows import ENCODER, Seen
 from benchmarks.tables.worlds import Recorded
 from busybot.common.errors import UsageError
+from busybot.evaluation.results import read_result
 from busybot.reason.evaluation.causes import held_links, link_names, matched_links, true_links
 from busybot.reason.evaluation.evaluate import origin
 from busybot.reason.evaluation.ground_truth import trace_of
@@ -160,16 +161,16 @@ def main(words: Sequence[str] | None = None) -> None:
     arguments = options.parse_args(words)
     models = arguments.models.split(",")
     reasoners = [_reasoner(model) for model in models]
-    named = [one.partition("=") for one in arguments.data]
-    if bare := [name for name, _, dataset in named if not dataset]:
-        raise UsageError(f"--data {bare[0]}: a dataset without a name", "say NAME=DATASET")
-    rows = runner.told_rows(arguments.out, KIND)
-    for name, _, dataset in named:
+    named = runner.named(arguments.data, "--data")
+    about = {"assets": runner.assets_name(arguments.assets)}
+    rows = runner.told_rows(arguments.out, KIND, **about)
+    hashes = {Path(model).name: file_hashes(find_folder(model, "reason")) for model in models}
+    if rows.keys() - named.keys() and read_result(arguments.out, KIND)["hashes"]["models"] != hashes:
+        raise UsageError(f"{arguments.out}: it has rows of other models", "name another file")
+    for name, dataset in named.items():
         rows[name] = figures(Path(dataset), reasoners, arguments.assets, arguments.boards)
         print(name, rows[name]["mistakes"], {way: told["30"]["share"] for way, told in rows[name]["ways"].items()})
-    hashes = {"models": {Path(model).name: file_hashes(find_folder(model, "reason")) for model in models}}
-    told = {"assets": runner.assets_name(arguments.assets), "rows": rows}
-    runner.finish(KIND, arguments, told, hashes=hashes, seed=SEED)
+    runner.finish(KIND, arguments, {**about, "rows": rows}, hashes={"models": hashes}, seed=SEED)
 
 
 if __name__ == "__main__":

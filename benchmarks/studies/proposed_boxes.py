@@ -44,7 +44,7 @@ def main(words: list[str]) -> None:
     options.add_argument("--data", type=Path, required=True, help="recorded boards of worlds")
     options.add_argument("--only", default=",".join(NAMES), help="names of worlds, comma-separated; all by default")
     arguments = options.parse_args(words)
-    rows: dict[str, Any] = runner.told_rows(arguments.out, KIND)
+    rows: dict[str, Any] = runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets))
     for world in runner.chosen(arguments.only, NAMES):
         rows[world] = judged(world, arguments)
         runner.finish(KIND, arguments, {"assets": runner.assets_name(arguments.assets), "rows": rows})

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.runner import chosen, finish, one_of, parser, told_rows
+from benchmarks.runner import chosen, finish, hashes_beside, named, one_of, parser, told_rows
 from benchmarks.studies.disturbances import DISTURBANCES, DisturbedBoard, noisy, recording_of
 from busybot.common.atomic_io import sha256_of
 from busybot.common.process_pool import share
@@ -239,8 +239,12 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     only = (UNDISTURBED, *(chosen(arguments.only, known) if arguments.only else known))
     dataset = Dataset.open(arguments.data)
     indices = sorted(dataset.finished())[: arguments.boards]
-    models = dict(model.split("=", 1) for model in arguments.model)
+    models = named(arguments.model, "--model")
     png = Dataset.open(arguments.png) if arguments.png else None
+    about, of = origin(dataset), {name: _origin(folder) for name, folder in models.items()}
+    if arguments.only:  # other rows stay
+        hashes_beside(arguments.out, KIND, "models", {name: {"weights": one["weights"]} for name, one in of.items()})
+        hashes_beside(arguments.out, KIND, "data", {about["name"]: about["content_hash"]})
     work = partial(rows_of, asked=Asked(models, only, png, arguments.seed))
     gathered: dict[Row, list[Told]] = {}
     tasks = [(index, dataset.episode_path(index)) for index in indices]
@@ -254,11 +258,11 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     for (name, strength), one in gathered.items():
         rows.setdefault(name, []).append({"strength": strength, **told_row(one, arguments.seed)})
     return {
-        "dataset": origin(dataset),
+        "dataset": about,
         "png": origin(png) if png else None,
         "boards": len(indices),
         "images": IMAGES,
-        "models": {name: _origin(folder) for name, folder in models.items()},
+        "models": of,
         "disturbances": {
             name: {"title": one.title, "what": one.what, "unit": one.unit} for name, one in DISTURBANCES.items()
         },

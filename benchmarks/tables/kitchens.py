@@ -186,7 +186,8 @@ def main(words: list[str]) -> None:
     arguments = options.parse_args(words)
     arguments.work.mkdir(parents=True, exist_ok=True)
     models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
-    rows = {name: row for name, row in runner.told_rows(arguments.out, KIND).items() if name.split(", ")[1] in WAYS}
+    before = runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets))
+    rows = {name: row for name, row in before.items() if name.split(", ")[1] in WAYS}
     data: dict[str, Any] = read_result(arguments.out, KIND)["hashes"]["data"] if rows else {}
     for world in runner.chosen(arguments.only, SCENES) if arguments.only else SCENES:
         for way in WAYS:

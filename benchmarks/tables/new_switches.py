@@ -76,16 +76,19 @@ def interacted(folder: Path, policy: tuple[str, ...], assets: str, out: Path) ->
     }
 
 
-def related(folder: Path, assets: str, work: Path, models: Mapping[str, dict[str, str]]) -> Mapping[str, Any]:
+def related(
+    folder: Path, boards: int, assets: str, work: Path, models: Mapping[str, dict[str, str]]
+) -> Mapping[str, Any]:
     """Precision and recall of relations by each reasoner, after all actions of the scripted policy.
 
     Args:
+        boards: so many the folder has; an earlier judging may be of fewer.
         models: hashes of the files of those that are trained.
     """
     runner.busybot("collect", str(folder), "--policy", "scripted", "--steps", str(STEPS), "--assets", assets)
     rows = {}
     for reasoner in REASONERS:
-        out = work / f"reasoned-{reasoner}-{digest_of(models.get(reasoner, {}))}.json"
+        out = work / f"reasoned-{reasoner}-{boards}-{digest_of(models.get(reasoner, {}))}.json"
         done = runner.earlier(out) or runner.busybot(
             "eval", "reason", str(folder), "--reasoner", reasoner, "--assets", assets, "--out", str(out)
         )  # fmt: skip
@@ -103,6 +106,8 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
     if not library.exists():
         made = ("assets", "make", str(library), "--seed", str(options.seed), "--drawn", str(options.drawn))
         runner.busybot(*made)
+    if (there := len(list(library.glob("Switch/drawn-*")))) != options.drawn:
+        raise UsageError(f"{library}: it has {there} drawn switches, not {options.drawn}", "name another --work")
     rows: dict[str, Any] = {}
     data = {}
     for name, assets in (("new", str(library)), *(() if others else (("looked at", "procedural"),))):
@@ -118,7 +123,7 @@ def measured(options: argparse.Namespace) -> dict[str, Any]:
         weights = {name: file_hashes(find_folder(words[1], "interact")) for name, words in others.items()}
         return runner.finish(KIND, options, figures, hashes={"models": weights, "data": data})
     models = {name: file_hashes(find_folder(name, "reason")) for name in TRAINED}
-    relations = related(options.work / "new", str(library), options.work, models)
+    relations = related(options.work / "new", options.boards, str(library), options.work, models)
     models["procedural"] = file_hashes(find_folder("procedural", "interact"))
     return runner.finish(KIND, options, {**figures, "relations": relations}, hashes={"models": models, "data": data})
 

@@ -25,6 +25,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.codec import encode_rgb
 from busybot.episodes.episode import Episode, Image
 from busybot.episodes.mcap.reader import read_episode
+from busybot.evaluation.results import code_digest
 from busybot.evaluation.statistics import binomial_interval
 from busybot.reason.encoders.registry import make_extractor
 from busybot.reason.evaluation.evaluate import origin
@@ -130,7 +131,7 @@ def judged(data: Path, term: str, chosen: dict[str, list[str]], work: Path) -> d
     dataset, note = Dataset.open(data), work / "judged" / f"{data.name}-{term}-{len(chosen)}.json"
     trained = {one for found in chosen.values() for one in found} - {"", "lookup"}
     hashes = {one: file_hashes(find_folder(one, "reason")) for one in sorted(trained)}
-    key = {"content": dataset.hashes().content, "chosen": chosen, "models": hashes}
+    key = {"content": dataset.hashes().content, "chosen": chosen, "models": hashes, "code": code_digest()}
     if note.exists() and json.loads(note.read_text())["key"] == key:
         return dict(json.loads(note.read_text())["counted"])
     counted = {row: [{"claimed": 0, "right": 0, "true": 0} for _ in models] for row, models in chosen.items()}

@@ -28,6 +28,7 @@ first training of a row is compared with that of another one, board by board, if
 
 import argparse
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.evaluation.reference_tables import NOVEL
 from busybot.evaluation.statistics import compare_boards
 from busybot.reason.models.registry import DEFAULT_REASONER
+from busybot.training.model_cards import file_hashes, find_folder
 
 SPLITS = ("validation", "novel-config", "novel-object")
 SCORES = (
@@ -202,22 +204,36 @@ def _compared(arguments: argparse.Namespace, name: str, split: str, answer: dict
 
 
 def answered(command: tuple[str, ...], out: Path, dataset: Path) -> dict[str, Any]:
-    """A judgement, or the one that an earlier run wrote by the same command on the same recordings: `result`, and its
-    counts `by_board`."""
+    """A judgement, or the one that an earlier run wrote by the same command on the same recordings, of the same weights
+    with the same decoders: `result`, and its counts `by_board`."""
     known, recorded = runner.earlier(out), Dataset.open(dataset).hashes().content
-    if known is not None and (known["typed"], known.get("content_hash")) == (list(command), recorded):
+    named = _named(command)
+    before = () if known is None else (known["typed"], known.get("content_hash"), known.get("named"))
+    if known is not None and before == (list(command), recorded, named):
         return known
     told = runner.busybot(*command)
     result = {key: told[key] for key in (*SCORES, *DETAILS)}
     answer = {
         "typed": command,
         "content_hash": recorded,
+        "named": named,
         "versions": told["versions"],
         "result": result,
         "by_board": told["by_board"],
     }
     write_json(out, answer)
     return answer
+
+
+def _named(command: tuple[str, ...]) -> dict[str, Any]:
+    """Hashes of what lies in the folders of a command that a later training, or recording, may have put there."""
+    given = {option: Path(value) for option, value in pairwise(command) if option in ("--reasoner", "--decoders")}
+    found: dict[str, Any] = {}
+    if (model := given["--reasoner"]).is_dir():  # what ships with busybot is part of the code
+        found["reasoner"] = file_hashes(find_folder(model, "reason"))
+    if "--decoders" in given and given["--decoders"].is_dir():
+        found["decoders"] = Dataset.open(given["--decoders"]).hashes().content
+    return found
 
 
 def across(results: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:

@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from benchmarks.runner import as_typed, assets_name, busybot, finish, one_of, option, parser
+from benchmarks.runner import as_typed, assets_name, busybot, finish, named, one_of, option, parser
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import UsageError
 from busybot.evaluation.folder import RESULT
@@ -100,8 +100,8 @@ def _places(options: argparse.Namespace) -> dict[str, str]:
 
 
 def folders_of(learned: list[str]) -> dict[str, Path]:
-    """Folders of the learned baselines' trainings, by their names, of words like `bc=FOLDER`."""
-    return {name: Path(folder) for name, _, folder in (given.partition("=") for given in learned)}
+    """Folders of the learned baselines' trainings, by their names, of words like `bc=FOLDER`; faults as of `named`."""
+    return {name: Path(folder) for name, folder in named(learned, "--learned").items()}
 
 
 def agent_of(name: str) -> str:

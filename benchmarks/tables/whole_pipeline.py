@@ -86,10 +86,8 @@ def main(words: list[str]) -> None:
     options.add_argument("--judged", type=int, default=100, help="boards of each novel split to judge it on")
     options.add_argument("--tasks", type=int, default=30, help="in each cell of plans")
     arguments = options.parse_args(words)
-    result: dict[str, Any] = {
-        "assets": runner.assets_name(arguments.assets),
-        "rows": runner.told_rows(arguments.out, "whole-pipeline"),
-    }
+    about = {"assets": runner.assets_name(arguments.assets)}
+    result: dict[str, Any] = {**about, "rows": runner.told_rows(arguments.out, "whole-pipeline", **about)}
     every = [str(number) for number in range(len(arguments.policies))]
     for seed in map(int, runner.chosen(arguments.seeds or ",".join(every), every)):
         row = result["rows"][str(seed)] = run(seed, arguments.policies[seed], arguments)

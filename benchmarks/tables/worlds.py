@@ -50,6 +50,7 @@ from benchmarks.tables.world_rows import (
 )
 from busybot.boards.spec import PAPER, BoardSpec
 from busybot.boards.worlds import WORLDS
+from busybot.common.errors import UsageError
 from busybot.common.process_pool import default_workers, share
 from busybot.common.rng import generator
 from busybot.datasets.bundled_assets import library_of
@@ -382,9 +383,12 @@ COMPARED = ("rows", "discovery", LEARNED)
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each part of each world; what is not asked for is kept from an earlier one."""
-    rows = runner.told_rows(arguments.out, KIND)
+    rows = runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets))
     worlds = runner.chosen(arguments.only, NAMES) if arguments.only else NAMES
-    for part in runner.chosen(arguments.parts, (*PARTS, LEARNED)):
+    parts = runner.chosen(arguments.parts, (*PARTS, LEARNED))
+    if LEARNED in parts and arguments.model is None:
+        raise UsageError(f"the part {LEARNED} is about a trained model", "name it by --model")
+    for part in parts:
         for world in worlds:
             told = rows.setdefault(world, {})
             if _is_there(part, told, arguments.model) and not arguments.again:

@@ -444,19 +444,16 @@ def read_json(path: Path, max_bytes: int = MAX_JSON_BYTES) -> Any:
         raise BusybotError(f"{path}: not valid JSON: {error}", RESTORE) from None
 
 
-_HALVES = re.compile(rb"\\u[dD]")
-
-
 def parse_json(text: str | bytes) -> Any:
-    """The value of a JSON text; NaN, infinities and lone surrogates, which Python would take, are none.
+    """The value of a JSON text, in UTF-8; NaN, infinities and lone surrogates, which Python would take, are none.
 
     Raises:
         ValueError: it is not valid.
     """
+    text = text.decode() if isinstance(text, bytes) else text  # Python would guess encodings, and take surrogates
     value = json.loads(text, parse_constant=_refuse_constant, parse_float=_finite)
     # an escape is the only way in for a half of a pair, since the text itself is UTF-8
-    escaped = any(half in text for half in ("\\ud", "\\uD")) if isinstance(text, str) else _HALVES.search(text)
-    if escaped:
+    if any(half in text for half in ("\\ud", "\\uD")):
         try:
             json.dumps(value, ensure_ascii=False).encode()
         except UnicodeEncodeError:

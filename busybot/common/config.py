@@ -234,6 +234,9 @@ def parse_yaml(text: str, where: str, words: bool = False) -> Any:
         return yaml.load(text, yaml.BaseLoader if words else yaml.SafeLoader)  # neither makes objects
     except DAMAGED_YAML as error:
         raise BusybotError(f"{where}{yaml_fault(error)}", "compare with the examples in the documentation") from None
+    except (KeyError, AttributeError, IndexError):  # of `!!bool perhaps`, `!!timestamp soon` and `!!int ""`
+        what = f"{where}: not valid YAML: a value is not of the kind that its tag names"
+        raise BusybotError(what, "leave the tag out") from None
 
 
 def yaml_fault(error: Exception) -> str:

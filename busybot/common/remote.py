@@ -17,8 +17,8 @@ from busybot.common.errors import BusybotError, needs_extra
 SCHEME = re.compile(r"^[A-Za-z][A-Za-z0-9+.:-]+://")
 """What an address of fsspec begins with."""
 HINT_COPY = "copy the dataset into a folder of this machine first"
-_SECRET = re.compile(r"(?<=//)[^/@]*@")
-"""Name and password in an address."""
+_SECRET = re.compile(r"(?<=//)[^/\s]*@")
+"""Name and password in an address; who forgot to encode a sign of the latter shall not read half of it."""
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,11 @@ class AnnotationServer(ThreadingHTTPServer):
 
     def __init__(self, dataset: Dataset, port: int = 0):
         refuse_simulated(dataset)
-        super().__init__((HOST, port), _Handler)
+        try:
+            super().__init__((HOST, port), _Handler)
+        except OSError as error:  # it is taken, or for administrators alone
+            what = f"port {port} on {HOST} cannot be listened on: {error.strerror}"
+            raise BusybotError(what, "name another --port, or leave it out") from None
         self.dataset, self.token, self.saving = dataset, secrets.token_urlsafe(32), Lock()
 
     @property

@@ -23,7 +23,7 @@ from busybot.boards.mechanisms import Mechanism, kind_named
 from busybot.boards.mechanisms.gate import Gate
 from busybot.boards.mechanisms.rest import Rest
 from busybot.boards.spec import BODY, PAPER, LinkRef, Relation
-from busybot.boards.true_causes import Change, Period, changes, lag, periods
+from busybot.boards.true_causes import Change, Period, changes, lag, periods, relations_at
 from busybot.common.errors import BusybotError
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import anchors, board_bounds, drawing_scale, object_names
@@ -224,8 +224,8 @@ class MechanismView:
         if change.rewired:
             return "rewired"
         if change.cause is None or self.dynamics is None:
-            relation = next(p.relation for p in periods(self.board) if p.relation.responder == change.responder)
-            return "a hidden clock" if _stream(relation) else "by itself"
+            then = [one for one in relations_at(self.board, change.step) if one.responder == change.responder]
+            return "a hidden clock" if any(map(_stream, then)) else "by itself"
         index, link = self.dynamics.links.names[change.link or 0]
         return f"{self.name(LinkRef(object=index, link=link))} at step {change.cause}"
 

@@ -10,7 +10,7 @@ from benchmarks.studies.bounds import Drawn
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
 from busybot.common.errors import UsageError
-from busybot.evaluation.results import read_result
+from busybot.evaluation.results import read_result, stamp, write_result
 from busybot.objects.resolve import find
 from busybot.plan.curious import REASONER
 
@@ -22,6 +22,17 @@ def test_when_relations_are_known_is_the_first_action_after_which_f1_is_high_eno
     assert told["f1"] == pytest.approx([0.5, 0.95, 1.0]) and told["until"] == 2
     never = curiosity.figures(counts[:, :1], "gates")
     assert never["until"] == 2, "one more than there were"
+
+
+def test_trainings_of_one_name_are_refused_and_rows_of_other_weights_kept(tmp_path: Path) -> None:
+    words = ["--parts", "stopping", "--only", "gates", "--boards", "1", "--out", str(tmp_path / "c.json")]
+    for seeds in (["a/model", "b/model"], [REASONER]):
+        with pytest.raises(UsageError, match="two trainings have one name"):
+            curiosity.main([*words, "--seeds", *seeds])
+    before = {"models": {REASONER: {"weights.safetensors": "0" * 64}}}
+    write_result(tmp_path / "c.json", stamp("curiosity", hashes=before) | {"rows": {"gates": {"stopping": {}}}})
+    with pytest.raises(UsageError, match=f"c.json: it has rows about another {REASONER}"):
+        curiosity.main(words)
 
 
 @pytest.mark.long

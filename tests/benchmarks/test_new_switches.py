@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.tables import new_switches
+from busybot.common.errors import UsageError
 from busybot.evaluation.results import read_result
 from busybot.interact.metrics import JudgedAction, JudgedBoard, JudgedLink
 
@@ -25,6 +26,14 @@ def test_links_are_counted_by_how_they_move() -> None:
     acted = (action("Switch/drawn-01", 0, True), action("Switch/drawn-08", 1, False), action("", -1, False))
     told = new_switches.motions([JudgedBoard(board=number, links=links, actions=acted) for number in range(3)])
     assert told == {"crank": [0, 3], "press": [3, 3], "tilt": [0, 3]}
+
+
+def test_a_library_of_another_number_of_switches_is_refused(tmp_path: Path) -> None:
+    for number in range(1, 5):
+        (tmp_path / "drawn-3" / "Switch" / f"drawn-{number:02d}").mkdir(parents=True)
+    words = ["--work", str(tmp_path), "--seed", "3", "--drawn", "6", "--out", str(tmp_path / "told.json")]
+    with pytest.raises(UsageError, match="drawn-3: it has 4 drawn switches, not 6"):
+        new_switches.main(words)
 
 
 @pytest.mark.long

@@ -57,6 +57,11 @@ def test_points_that_are_finished_are_kept(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(scale, "commit", lambda: "another one")
     scale.measured(CURVES, tmp_path, measuring)
     assert asked == [1, 3, 3, 1, 3]
+    monkeypatch.setattr(scale, "code_digest", lambda: "changed since")
+    scale.measured(CURVES, tmp_path, measuring)
+    assert asked == [1, 3, 3, 1, 3, 1, 3], "changes that were not committed have their commit's name"
+    monkeypatch.setattr(scale, "commit", lambda: None)
+    assert scale.measured(CURVES, tmp_path / "new", measuring)["some"]["points"] == points, "outside a repository, too"
 
 
 def test_slopes_are_those_of_what_is_beyond_starting() -> None:

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from benchmarks import runner
-from benchmarks.runner import as_typed, finish, one_of, parser, told_rows, typed
-from benchmarks.studies import proposed_boxes
-from benchmarks.tables import table1, table2, table3, whole_pipeline
+from benchmarks.runner import as_typed, finish, hashes_beside, one_of, parser, told_rows, typed
+from benchmarks.speed import interact as interact_speed
+from benchmarks.studies import features, proposed_boxes, reason_robustness
+from benchmarks.tables import real_board, table1, table2, table3, whole_pipeline
 from benchmarks.tables.table2 import DETAILS, SCORES, across
 from busybot.common.errors import BusybotError, UsageError
 from busybot.episodes.mcap.writer import write_episode
@@ -67,6 +68,92 @@ def test_what_is_judged_is_not_judged_again(tmp_path: Path, monkeypatch: pytest.
     assert row["splits"]["novel-object"]["mean"]["pred_a"] == 0.5
     assert row["commands"] == ["busybot eval reason DATA/novel-object --reasoner lookup --decoders DATA/train"]
     assert told_rows(out, "table2")["lookup"] == row and told_rows(tmp_path / "none.json", "table2") == {}
+
+
+def test_what_is_judged_with_another_model_or_other_decoders_is_judged_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both have the names in the command that those had which a training, or a recording, replaced."""
+    asked: list[tuple[str, ...]] = []
+
+    def answer(*words: str) -> dict[str, Any]:
+        asked.append(words)
+        return scores(pred_a=0.5)
+
+    monkeypatch.setattr(runner, "busybot", answer)
+    model, out = tmp_path / "event-0" / "model", tmp_path / "judged.json"
+    model.mkdir(parents=True)
+    (model / "model.json").write_text("{}")
+    judged, decoders = (make_dataset(tmp_path / name) for name in ("novel-object", "train"))
+    command = ("eval", "reason", str(judged.path), "--reasoner", str(model.parent), "--decoders", str(decoders.path))
+    for changes in (lambda: None, lambda: (model / "weights.safetensors").write_bytes(b"others"), None):
+        for _ in range(2):
+            table2.answered(command, out, judged.path)
+        if changes is None:
+            write_episode(decoders.episode_path(2), make_episode(2))
+        else:
+            changes()
+    table2.answered(command, out, judged.path)
+    assert len(asked) == 3
+
+
+@pytest.mark.parametrize("words", [["event"], ["event="], ["=folder"], ["event=a", "event=b"]])
+def test_words_that_name_nothing_are_refused(words: list[str], tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="--model"):
+        runner.named(words, "--model")
+    with pytest.raises(UsageError, match="--learned"):
+        table3.folders_of(words)
+    data = make_dataset(tmp_path / "data").path
+    asked = [word for one in words for word in ("--model", one)]
+    with pytest.raises(UsageError, match="--model"):
+        reason_robustness.main(["--data", str(data), *asked, "--out", str(tmp_path / "out.json")])
+    assert runner.named(["event=a=b", "lookup=c"], "--model") == {"event": "a=b", "lookup": "c"}
+
+
+def test_what_a_training_cost_is_whole_or_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(runner, "busybot", lambda *words: {})
+    assert runner.train(tmp_path / "event-0")["cost"].keys() == {"seconds", "megabytes"}
+    assert [path.name for path in tmp_path.iterdir()] == ["event-0.cost.json"]
+    (tmp_path / "event-0").mkdir()
+    (tmp_path / "event-0.cost.json").write_text('{"seconds": 3')
+    with pytest.raises(BusybotError, match=r"event-0\.cost\.json: not valid JSON"):
+        runner.train(tmp_path / "event-0")
+
+
+def test_too_few_boards_to_leave_any_out_are_refused(tmp_path: Path) -> None:
+    data = make_dataset(tmp_path / "data", finished=(0,)).path
+    with pytest.raises(UsageError, match="data: fewer than 2 recordings"):
+        features.main(["--train", str(data), "--out", str(tmp_path / "f.json")])
+    with pytest.raises(UsageError, match="--boards: the first board(.|\n)*two at least"):
+        interact_speed.main(["--boards", "1"])
+
+
+def test_rows_of_one_file_are_about_the_same(tmp_path: Path) -> None:
+    out = tmp_path / "r.json"
+    hashes = {"models": {"event": {"weights.safetensors": "a"}}}
+    write_result(out, stamp("bounds", seed=0, hashes=hashes) | {"assets": "procedural", "rows": {"gates": {}}})
+    assert told_rows(out, "bounds", assets="procedural", seed=0, boards=3) == {"gates": {}}, "older files tell less"
+    for about in ({"assets": "partnet-mobility"}, {"seed": 1}):
+        with pytest.raises(UsageError, match=f"r.json: its rows are about other {next(iter(about))}"):
+            told_rows(out, "bounds", **about)
+    assert told_rows(tmp_path / "none.json", "bounds", assets="x") == {}
+    more = {"mechanism": {"weights.safetensors": "b"}}
+    assert hashes_beside(out, "bounds", "models", more) == {**hashes["models"], **more}
+    with pytest.raises(UsageError, match="r.json: it has rows about another event"):
+        hashes_beside(out, "bounds", "models", {"event": {"weights.safetensors": "c"}})
+    assert hashes_beside(tmp_path / "none.json", "bounds", "models", more) == more
+
+
+def test_judgements_of_the_real_board_by_other_code_are_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, chosen = make_dataset(tmp_path / "twin").path, dict[str, list[str]]()
+    assert real_board.judged(data, "", chosen, tmp_path) == {}
+    [note] = (tmp_path / "judged").glob("*.json")
+    note.write_text(json.dumps(json.loads(note.read_text()) | {"counted": {"kept": []}}))
+    assert real_board.judged(data, "", chosen, tmp_path) == {"kept": []}
+    monkeypatch.setattr(real_board, "code_digest", lambda: "another version")
+    assert real_board.judged(data, "", chosen, tmp_path) == {}
 
 
 def test_rows_of_table_2_are_compared_on_the_boards_that_both_have(

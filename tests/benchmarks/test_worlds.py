@@ -14,6 +14,7 @@ from benchmarks.tables import worlds
 from benchmarks.tables.world_rows import ACTIONS, DiscoveryConfig, Samples, detected, granger, pc
 from benchmarks.tables.worlds import LEARNED, Recorded, _is_there
 from busybot.boards.dynamics import Triggers
+from busybot.common.errors import UsageError
 from busybot.common.rng import generator
 from busybot.datasets.dataset import Dataset
 from busybot.evaluation.results import read_result
@@ -165,6 +166,12 @@ def test_a_model_of_other_weights_is_judged_beside_one_that_was() -> None:
     assert not _is_there(LEARNED, told, shipped)
     told[LEARNED]["mechanism"] = {"model": file_hashes(find_folder(shipped, "reason"))}
     assert _is_there(LEARNED, told, shipped)
+
+
+def test_what_is_learned_is_about_a_model(tmp_path: Path) -> None:
+    words = ["--data", str(tmp_path), "--out", str(tmp_path / "worlds.json"), "--parts", LEARNED]
+    with pytest.raises(UsageError, match="the part learned is about a trained model(.|\n)*--model"):
+        worlds.main(words)
 
 
 @pytest.mark.long

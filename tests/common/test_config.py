@@ -124,6 +124,16 @@ def test_yaml_that_would_take_long_is_refused_at_once(text: str, tmp_path: Path)
         build(BoardConfig, None, [f"boards={text}"], {})
 
 
+@pytest.mark.parametrize("value", ["!!bool perhaps", "!!timestamp soon", "!!int ''", "!!float ''"])
+def test_a_value_that_its_tag_does_not_fit_is_refused(value: str, tmp_path: Path) -> None:
+    file = tmp_path / "config.yaml"
+    file.write_text(f"boards: {value}\n")
+    with pytest.raises(BusybotError, match="config.yaml: not valid YAML"):
+        build(BoardConfig, file, [], {})
+    with pytest.raises(BusybotError, match="--set boards="):
+        build(BoardConfig, None, [f"boards={value}"], {})
+
+
 @pytest.mark.parametrize(
     ("settings", "options", "what", "hint"),
     [

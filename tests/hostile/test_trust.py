@@ -183,10 +183,22 @@ def test_nobody_else_prints() -> None:
         assert path.relative_to(PACKAGE).as_posix() in PRINTS or not names & {"print", "Console"}, path
 
 
-@pytest.mark.parametrize("text", ['{"a": NaN}', "[1e999]", "-Infinity", '"\\ud800"', "9" * 5000, "{"])
-def test_what_is_no_json_is_refused(text: str) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        *('{"a": NaN}', "[1e999]", "-Infinity", '"\\ud800"', "9" * 5000, "{"),
+        *(b'"\xed\xa0\x80"', '"\\ud800"'.encode("utf-16"), b'"\\ud800"'),
+    ],
+)
+def test_what_is_no_json_is_refused(text: str | bytes) -> None:
     with pytest.raises(ValueError):
         parse_json(text)
+
+
+def test_no_mark_turns_the_direction_of_text() -> None:
+    """All that Unicode calls controls of direction."""
+    marks = "\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069"
+    assert plain(marks).isascii()
 
 
 def test_pairs_of_surrogates_are_json() -> None:

@@ -378,6 +378,15 @@ def test_a_commit_that_is_gone_is_told_also_where_nobody_can_tell(
     assert "history as it is today (1): `gone`" in told and "there" not in told
 
 
+@pytest.mark.parametrize("row", ["real-camera", "real-camera-oracle"])
+def test_what_is_said_of_intervals_takes_intervals(row: str, results: Path) -> None:
+    told = json.loads((ROOT / "benchmarks" / "results" / "image-reward.json").read_text())
+    del told["rows"][row]["novel-config"]["object_intervals"]
+    (results / "image-reward.json").write_text(json.dumps(told))
+    with pytest.raises(BusybotError, match="the true reward is ahead over objects"):
+        prose._rewards_of_a_real_camera()
+
+
 def test_results_about_weights_that_were_replaced_are_told(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(provenance, "KNOWN", {})
     monkeypatch.setattr(provenance, "_history", lambda: {"a1"})
@@ -429,6 +438,12 @@ def test_a_result_whose_making_is_not_known_is_refused(results: Path, monkeypatc
         with pytest.raises(BusybotError, match=f"{name}: has no hashes of what it is about"):
             provenance.part()
         put(results, name, "table1", commit="a1", rows=hashed, **machine)
+    code = {"versions": {"code": "ab" * 32}}
+    for more in ({**code, "rows": {}}, {"rows": {"first": code, "other": code}}):
+        put(results, "coded", "table1", commit="a1", **more, **machine)
+        with pytest.raises(BusybotError, match="coded: has no hashes of what it is about"):
+            provenance.part()
+    (results / "coded.json").unlink()
     put(results, "kinds", "s3", commit="a1", kinds={"first": {"commit": "a1"}, "other": {"commit": "a2"}}, **machine)
     with pytest.raises(BusybotError, match="kinds: rows of several commits"):
         provenance.part()

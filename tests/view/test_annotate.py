@@ -67,6 +67,11 @@ def drawn() -> dict[str, Any]:
     }
 
 
+def test_a_port_that_is_taken_is_told(server: AnnotationServer) -> None:
+    with pytest.raises(BusybotError, match="port .* cannot be listened on: Address already in use(.|\n)*--port"):
+        AnnotationServer(server.dataset, server.server_address[1])
+
+
 def test_nothing_is_shown_or_changed_without_the_token(server: AnnotationServer, capfd: pytest.CaptureFixture) -> None:
     before = server.dataset.hashes()
     for headers in ({"Authorization": ""}, {"Authorization": "Bearer wrong"}, {"Host": "evil.example"}):

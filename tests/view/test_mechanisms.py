@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from busybot.boards.spec import BODY, LinkRef, Relation
+from busybot.boards.spec import BODY, LinkRef, Relation, Rewiring
+from busybot.boards.true_causes import Change
 from busybot.boards.worlds import WORLDS, links_of
 from busybot.episodes.episode import Episode
 from busybot.view.annotations import truth_matrix
@@ -126,6 +127,19 @@ def test_a_rewired_board_has_another_graph_from_then_on(few_objects: Objects) ->
         assert set(truth_matrix(episode.board, since)[:, responder].nonzero()[0]) == new
         told = [words for _, words in view.sentences if f"from step {since} on" in words]
         assert len(told) == 1
+
+
+def test_what_a_change_goes_back_to_is_what_held_then(few_objects: Objects) -> None:
+    """A clock whose place a mechanism with luck of its own takes."""
+    for episode in episodes(few_objects(0), "chance", 12):
+        for clock in (one for one in episode.board.relations if "stream" in one.parameters):
+            own = {name: value for name, value in clock.parameters.items() if name != "stream"}
+            later = Rewiring(step=3, relation=clock.model_copy(update={"parameters": own}))
+            view = MechanismView(replace(episode, board=episode.board.model_copy(update={"rewirings": (later,)})))
+            told = [view.because(Change(clock.responder, step)) for step in (3, 5)]
+            assert told == ["a hidden clock", "by itself"]
+            return
+    raise AssertionError("no board has a clock")
 
 
 def test_attempts_on_a_held_link_are_marked(few_objects: Objects) -> None:

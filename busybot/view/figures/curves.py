@@ -11,6 +11,7 @@ from typing import Any
 
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
+from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import ReferenceRow, Role, Table
 from busybot.view.figures import parts
 from busybot.view.palette import ACTION, CORRECT, FAINT, INK, MISSED, MUTED, PAPER, RESPONDER, TRIGGER, TRUTH, Rgb, unit
@@ -168,8 +169,13 @@ def robustness_figure(path: Path, result: dict[str, Any], root: Path | None = No
     Args:
         result: of `benchmarks.studies.reason_robustness`.
         root: as `parts.save_png` takes it.
+
+    Raises:
+        BusybotError: no disturbance was measured.
     """
     names = [name for name in result["disturbances"] if name in result["rows"]]
+    if not names:
+        raise BusybotError(f"{path}: no disturbance was measured, so there is nothing to draw", "measure one")
     bands = -(-len(names) // DISTURBANCES_PER_ROW)
     figure = parts.page(PAGE_INCHES[0], PAGE_INCHES[1] * bands / 2 + 0.3)
     grid = figure.subplots(2 * bands, DISTURBANCES_PER_ROW, squeeze=False, sharey=True)

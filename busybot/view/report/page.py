@@ -160,9 +160,20 @@ def _markdown_grid(grid: Grid) -> str:
     return "\n".join([head, "|---" * len(lines[0]) + "|", *rows])
 
 
+UNPAIRED = re.compile(r"``|\\[`|]")
+"""Where Markdown takes other backticks for a pair than those that stand one after the other: runs of them, and those
+before which a backslash stands; before a bar it may end a table's cell, and code with it."""
+
+
 def _harmless(text: str) -> str:
-    """Markdown in which no tag opens; within code nothing is one, and code stands between two single backticks."""
-    parts = re.split(r"((?<!`)`(?!`)[^`\n]+`(?!`))", plain(text))
+    """Markdown in which no tag opens; within code nothing is one, and code stands between two single backticks.
+
+    Where it is not certain what is code, nothing is.
+    """
+    told = plain(text)
+    if UNPAIRED.search(told) or any(line.count("`") % 2 for line in told.split("\n")):
+        return told.replace("<", "&lt;")
+    parts = re.split(r"(`[^`]+`)", told)
     return "".join(part if place % 2 else part.replace("<", "&lt;") for place, part in enumerate(parts))
 
 

@@ -19,7 +19,7 @@ from busybot.evaluation.results import KINDS, read_result
 from busybot.evaluation.statistics import Interval, widest
 from busybot.training.model_cards import rounds_of
 from busybot.view.report.page import number, spread
-from busybot.view.report.world_results import Evaluation, OnBoards, ResultFile, WorldResults, told_apart
+from busybot.view.report.world_results import Count, Evaluation, OnBoards, ResultFile, WorldResults, told_apart
 
 PICTURES = (".png", ".jpg", ".jpeg")
 SHOWN = (
@@ -59,7 +59,7 @@ class InteractResult(Evaluation):
 class _AfterImages(ResultFile):
     """Scores after so many images."""
 
-    images: int
+    images: Count
     edge_p: float | None
     edge_r: float | None
     edge_r_bound: float | None

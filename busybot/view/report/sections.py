@@ -264,8 +264,10 @@ def _robustness(told: dict[str, Any], figure: Path) -> list[Block]:
         f"{told['boards']} boards. Baselines stand with defaults and with the best of several settings, chosen "
         "with the truth. Known: steps that could be predicted in spite of the disturbance."
     )
-    picture = Picture(robustness_figure(figure, told, figure.parent.parent), caption)
-    return [picture, Text(note), Fold("Numbers, and what is done", (grid, done))]
+    told_of = (Text(note), Fold("Numbers, and what is done", (grid, done)))
+    if disturbances.keys().isdisjoint(told["rows"]):  # of pictures without losses alone, say
+        return [*told_of]
+    return [Picture(robustness_figure(figure, told, figure.parent.parent), caption), *told_of]
 
 
 def stage_blocks(stages: Stages) -> list[Block]:
@@ -372,7 +374,8 @@ def subject(result: Judged) -> str:
 
 
 def _single_grid(table: Table, result: InteractResult | ReasonResult) -> Grid:
-    split = SPLITS.get(result.dataset.get("split", ""), result.dataset.get("split", ""))
+    told_split = str(result.dataset.get("split"))  # whatever a file says
+    split = SPLITS.get(told_split, told_split)
     gates = table.gates["event" if isinstance(result, ReasonResult) else "strict" if result.strict else "free"]
     baselines = _baselines(result) if isinstance(result, ReasonResult) else {}
     lines = []

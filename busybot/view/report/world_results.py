@@ -25,6 +25,7 @@ MOST_LETTERS, MOST_DIGITS = 60, 6
 """Of a name, and of a number of actions."""
 MOST_COUNTED = 10**9
 """On one board."""
+Count = Annotated[int, Field(ge=0, le=MOST_COUNTED)]
 _Found = TypeVar("_Found")
 
 
@@ -45,8 +46,8 @@ class Evaluation(ResultFile):
 class OnBoards(ResultFile):
     """What was counted on each board."""
 
-    part: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
-    whole: list[Annotated[int, Field(ge=0, le=MOST_COUNTED)]]
+    part: list[Count]
+    whole: list[Count]
 
     @model_validator(mode="after")
     def _of_the_same_boards(self) -> "OnBoards":
@@ -76,7 +77,7 @@ class _Parents(ResultFile):
 class _Curve(_Parents):
     """Parents claimed after so many actions."""
 
-    actions: int
+    actions: Count
 
 
 class _Judged(_OfWorld, _Parents):
@@ -93,6 +94,7 @@ class WorldReason(_Judged):
     boxes: str = "given"
     discovery: list[_Curve] = []
     actions_until_found: int | None = None
+    actions_until_found_bound: int | None = None
     mechanism_accuracy: float | None = None
     mechanism_bound: float | None = None
     pred_a: float | None = None
@@ -104,6 +106,9 @@ class WorldReason(_Judged):
     rewired_found: float | None = None
     rewired_placed: float | None = None
     rewired_false_alarms: float | None = None
+    rewired_found_bound: float | None = None
+    rewired_placed_bound: float | None = None
+    rewired_false_alarms_bound: float | None = None
     proposal_p: float | None = None
     proposal_r: float | None = None
     by_board: dict[str, OnBoards] = {}
@@ -430,9 +435,8 @@ def _bound_row(result: WorldReason) -> WorldRow:
         links = {result.images - 1: (None, None, result.link_parent_f1_bound)}
     curve = tuple((n, one.parent_f1_bound) for n, one in points.items() if one.parent_f1_bound is not None)
     told = {"mechanism_accuracy": result.mechanism_bound}
-    extra = result.model_extra or {}
-    told |= {key: extra.get(f"{key}_bound") for key in ("rewired_found", "rewired_placed", "rewired_false_alarms")}
-    told |= {"actions_until_found": extra.get("actions_until_found_bound"), "rewirings": result.rewirings}
+    bounds = ("rewired_found", "rewired_placed", "rewired_false_alarms", "actions_until_found")
+    told |= {key: getattr(result, f"{key}_bound") for key in bounds}
     empty = dict.fromkeys(("gap", "pred_a", "what_if", "ece_uncertain", "uncertain_pairs", "proposal_r"))
     found = result.model_copy(update={**empty, **told})
     return WorldRow(OBSERVER, result.boards, objects, links, curve, True, found)

@@ -102,6 +102,13 @@ def test_simple_markup_within_escaped_text() -> None:
     assert markdown([plain_grid(("h",), [("a|b", ("c|d",))])]).count("\\|") == 2
 
 
+@pytest.mark.parametrize("start", ["\\`", "`a`` `", "x`\\`", "a ` b\n`", "`x\\|", "``"])
+def test_backticks_that_markdown_pairs_otherwise_hide_no_tag(start: str) -> None:
+    text = f"{start}<img src=x>`"
+    for blocks in ([Text(text)], [Items((f"`{text}`",))], [plain_grid(("h",), [("n", (text,))])]):
+        assert "<img" not in markdown(blocks)
+
+
 def test_spreads() -> None:
     assert (spread(97, 96.0, 98.0), spread(0, None, 1.0), spread(1, 1.0, 1.01, several=True)) == ("± 1.0", "", "")
     assert spread(1.5, 1.0, 2.0, several=True) == "(1.0 to 2.0)"

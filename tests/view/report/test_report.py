@@ -406,6 +406,20 @@ def test_robustness_is_drawn_and_told_or_missing(first: Report, tmp_path: Path) 
     assert "| undisturbed | 90.0 | 70.0 | " in text
 
 
+def test_robustness_without_a_disturbance_has_numbers_and_no_picture(tmp_path: Path) -> None:
+    """As of `reason_robustness --only png`."""
+    told = disturbed()
+    told["rows"] = {"undisturbed": told["rows"]["undisturbed"], "png": told["rows"]["undisturbed"]}
+    done = write_report([write(tmp_path / "r.json", told)], tmp_path / "out")
+    assert "robustness.png" not in [path.name for path in done.figures]
+    assert "| png | 90.0 | 70.0 | " in done.markdown.read_text()
+
+
+def test_a_split_that_is_no_word_is_shown_as_it_stands(tmp_path: Path) -> None:
+    file = write(tmp_path / "one.json", reasoned(dataset={**DATASET, "split": ["a"]}))
+    assert "on d (['a'])" in write_report([file], tmp_path / "out").markdown.read_text()
+
+
 def test_what_the_stages_of_a_run_took(tmp_path: Path) -> None:
     took = {"data/train": 90, "data/train.features": 30, "data/novel-object": 60, "reason": 120}
     stages = {name: {"seconds": seconds, "done": name != "reason"} for name, seconds in took.items()}
@@ -462,6 +476,7 @@ def test_nothing_from_a_file_becomes_markup(tmp_path: Path) -> None:
         ([], r"bad\.json: it is no result"),
         (reasoned(intervals={"precision": [0.5]}), r"bad\.json: intervals\.precision\.1: "),
         (reasoned(by_images=[{"images": 2}]), r"bad\.json: by_images\.0\.edge_p: "),
+        (reasoned(by_images=[{"images": 10**400}]), r"bad\.json: by_images\.0\.images: "),
         ({"kind": "table1", "machine": "mine"}, r"bad\.json: machine: "),
         (
             {"kind": "table3", "rows": {"bc": {"training": {"cost": {"seconds": "long"}}}}},

@@ -225,10 +225,19 @@ def test_regret_stands_with_the_actions_that_it_took(tmp_path: Path) -> None:
     assert f"{100 * told['regret']:.1f} ({told['until']:.0f})" in done.split("### Regret")[1]
 
 
-def test_a_damaged_result_is_named(tmp_path: Path) -> None:
-    (tmp_path / "a.json").write_text(json.dumps(reasoned(discovery="none")))
-    with pytest.raises(BusybotError, match=r"a\.json: discovery: "):
-        read_results([tmp_path])
+@pytest.mark.parametrize(
+    ("value", "place"),
+    [
+        ({"discovery": "none"}, "discovery"),
+        ({"discovery": [{"actions": 10**400, "parent_f1": 0.5}]}, r"discovery\.0\.actions"),
+        ({"rewirings": 1, "rewired_found_bound": "all"}, "rewired_found_bound"),
+        ({"actions_until_found_bound": [1]}, "actions_until_found_bound"),
+    ],
+)
+def test_a_damaged_result_is_named(value: dict[str, Any], place: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(json.dumps(reasoned(**value)))
+    with pytest.raises(BusybotError, match=rf"a\.json: {place}: "):
+        write_report([tmp_path], tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,10 @@ Key = TypeVar("Key", int, str)
 MAX_BYTES = 1 << 20
 MAX_TOKENS = 200_000
 MAX_DEPTH = 16
-DAMAGED_YAML = (yaml.YAMLError, RecursionError, ValueError, LookupError, AttributeError, TypeError)
-"""What reading a YAML text raises where it is not what it says: numbers with thousands of digits, words that a tag, as
-`!!bool maybe`, calls something else."""
+_BELIED = (LookupError, AttributeError, TypeError)
+"""What reading a YAML text raises where a value is not what its tag says, as of `!!bool maybe` or `!!int ""`."""
+DAMAGED_YAML = (yaml.YAMLError, RecursionError, ValueError, *_BELIED)
+"""What reading a YAML text raises; ValueError of numbers with thousands of digits."""
 _OPENING = (
     yaml.FlowSequenceStartToken,
     yaml.FlowMappingStartToken,
@@ -234,9 +235,6 @@ def parse_yaml(text: str, where: str, words: bool = False) -> Any:
         return yaml.load(text, yaml.BaseLoader if words else yaml.SafeLoader)  # neither makes objects
     except DAMAGED_YAML as error:
         raise BusybotError(f"{where}{yaml_fault(error)}", "compare with the examples in the documentation") from None
-    except (KeyError, AttributeError, IndexError):  # of `!!bool perhaps`, `!!timestamp soon` and `!!int ""`
-        what = f"{where}: not valid YAML: a value is not of the kind that its tag names"
-        raise BusybotError(what, "leave the tag out") from None
 
 
 def yaml_fault(error: Exception) -> str:
@@ -244,4 +242,6 @@ def yaml_fault(error: Exception) -> str:
     mark = getattr(error, "problem_mark", None)
     line = f", line {mark.line + 1}" if mark else ""
     problem = getattr(error, "problem", None) or str(error) or type(error).__name__
+    if isinstance(error, _BELIED):
+        problem = "a value is not of the kind that its tag names"
     return f"{line}: not valid YAML: {problem[:200]}"

@@ -61,6 +61,10 @@ class Observation:
     depth: np.ndarray
     camera: Camera
 
+    def differs(self, other: "Observation") -> bool:
+        """Whether a pixel is another one."""
+        return not (np.array_equal(self.rgb, other.rgb) and np.array_equal(self.depth, other.depth))
+
 
 @dataclass
 class Image:

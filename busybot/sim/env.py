@@ -334,8 +334,9 @@ class PolicyAgent:
     def observe(self, observation: Observation, reward: float, executed: tuple[int, ...]) -> None:
         """Tell what came of the last action, as `step` returned it."""
         assert self._action is not None, "act first"
-        if self._seen is None or not np.array_equal(observation["rgb"], self._seen.rgb):
-            self._seen = self._observed(observation)  # the same object as long as nothing changes
+        shown = self._observed(observation)
+        if self._seen is None or shown.differs(self._seen):  # the same object as long as nothing changes
+            self._seen = shown
         self._policy.observe(self._action, executed, int(reward), self._seen)
 
     def _observed(self, observation: Observation) -> recorded.Observation:

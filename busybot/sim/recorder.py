@@ -79,7 +79,9 @@ def record_episode(
         episode.steps.append(step)
         if after is not None:
             images.append(after)
-            seen = _observation(after, episode)
+            shown = _observation(after, episode)
+            if oracle or shown.differs(seen):  # that it is a new object must not tell what no pixel does
+                seen = shown
         policy.observe(action, step.executed, step.reward, seen)
         episode.frame_of.append(len(images) - 1)
     return episode

@@ -1,7 +1,8 @@
 """Policies of whoever wrote them get what a robot would have; only oracles get more, and their episodes say so."""
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,11 @@ from busybot.boards.generate import generate_boards
 from busybot.boards.spec import BoardSpec
 from busybot.common.errors import BusybotError
 from busybot.episodes.camera import Rays
-from busybot.episodes.episode import Episode, Image, Observation
+from busybot.episodes.episode import Episode, Image, Observation, Step
 from busybot.objects.model import ObjectModel
+from busybot.sim import recorder
 from busybot.sim.builtin_policies import RandomFactory, RandomPolicy, ScriptedFactory, ScriptedPolicy, builtin_factory
-from busybot.sim.interaction import InteractionConfig
+from busybot.sim.interaction import InteractionConfig, interact
 from busybot.sim.policy import Action, AnyPolicyFactory, OracleObservation, Policy, StatelessPolicy
 from busybot.sim.recorder import record_episode
 from busybot.sim.scene.board_scene import BoardScene, Simulator
@@ -94,6 +96,22 @@ def test_an_observation_is_of_the_frame_and_the_same_while_nothing_changes(small
     image = episode.image(0)
     assert seen[0].rgb is image.rgb and seen[0].depth is image.depth and seen[0].camera is episode.camera
     assert np.array_equal(episode.observation(0).depth, seen[0].depth)
+
+
+@pytest.mark.parametrize("brighter", [0, 1])
+def test_what_no_pixel_shows_is_no_new_observation(
+    small_simulator: Simulator, monkeypatch: pytest.MonkeyPatch, brighter: int
+) -> None:
+    def interact_unseen(*given: Any) -> tuple[Step, Image]:
+        image: Image = given[-1]
+        step, _ = interact(*given)
+        return step, replace(image, rgb=image.rgb + np.uint8(brighter))
+
+    monkeypatch.setattr(recorder, "interact", interact_unseen)
+    seen: list[Observation] = []
+    episode = record(small_simulator, CuriousFactory(seen.append))
+    assert len(episode.images) == 3, "what changed is recorded, whether it shows or not"
+    assert len({id(one) for one in seen}) == (3 if brighter else 1)
 
 
 def test_an_oracle_asks_for_the_scene_and_its_episode_says_so(small_simulator: Simulator) -> None:

@@ -183,7 +183,7 @@ def _recorded(recording: EvaluationRecording) -> Iterator[Dataset]:
     path, dataset = recording.path, recording.dataset
     if recording.root is not None:
         make_folder(path, recording.root)
-    if path.exists() and any(path.iterdir()):
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
         target = Dataset.open(path)
         if target.hashes().board != dataset.hashes().board:
             raise BusybotError(f"{path}: its boards are not those of {dataset.path}", "name another folder")

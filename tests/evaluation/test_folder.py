@@ -9,7 +9,16 @@ from pydantic import BaseModel
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.evaluation import results
-from busybot.evaluation.folder import BOARDS, RESULT, SETTINGS, BoardWork, conclude, judge_boards
+from busybot.evaluation.folder import (
+    BOARDS,
+    RESULT,
+    SETTINGS,
+    BoardWork,
+    EvaluationRecording,
+    conclude,
+    judge_boards,
+)
+from tests.episodes.folders import COLLECT, make_dataset
 
 BROKEN = 3
 
@@ -83,3 +92,12 @@ def test_lines_that_are_no_judgements_are_named(tmp_path: Path) -> None:
     (tmp_path / BOARDS).write_text('{"board": 0, "value": 1}\n{"board": "first"}\n')
     with pytest.raises(BusybotError, match="line 2"):
         judge_boards((0,), BoardWork(Counted, make, (1,), 1), {}, out=tmp_path)
+
+
+def test_a_file_in_the_place_of_recordings_is_refused_by_its_name(tmp_path: Path) -> None:
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    recording = EvaluationRecording(notes, make_dataset(tmp_path / "toys", boards=1, finished=()), COLLECT)
+    with pytest.raises(BusybotError, match="notes.txt"):
+        judge_boards((0,), BoardWork(Counted, make, (1,), 1), {}, recordings=[recording])
+    assert notes.read_text() == "mine"

@@ -75,13 +75,11 @@ def reasoning(result: dict[str, Any], unjudged: Sequence[str] = ()) -> None:
     screen.print(_parents(result))
     if result["predicted_boards"]:
         screen.print(_predictions(result))
-    elif result["images_used"] and result["images_used"] <= result["images"]:
-        steps = counted(result["images_used"] - 1, "step")
-        screen.print(
-            f"no Pred-A: the recordings have at most {steps}, so no step is left to predict; "
-            "use a smaller --images, or record more with collect --steps",
-            soft_wrap=True,
-        )
+    elif used := result["images_used"]:
+        why = f"the recordings have at most {counted(used - 1, 'step')}, so no step is left to predict"
+        if used == result["images"]:  # what follows may be there, without states
+            why = f"no recording tells the states of a step after its first {counted(used, 'image')}"
+        screen.print(f"no Pred-A: {why}; use a smaller --images, or record more with collect --steps", soft_wrap=True)
 
 
 def _edges(result: dict[str, Any]) -> "Table":

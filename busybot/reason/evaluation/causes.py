@@ -7,7 +7,7 @@ For evaluators only. `causes_summary` makes figures of many boards.
   contacts, which stand for the true links that they share most actions with (Kuhn 1955, one to one).
 - *Mechanisms* are asked for by a tour (`what_if`), their kinds and lags are compared where a model tells them.
 - The *bound* is what the exact observer (`upper_bound`) knows of the true states that the same actions led to. It is
-  there where the recording knows states and the observer's space explains them.
+  there where the recording knows states and the observer's space, which somebody can list, explains them.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -467,14 +467,15 @@ class _Observed:
 
 
 def _observed(replayed: _Replayed, count: int, error: float) -> _Observed | None:
-    """None where the observer's space does not explain the recording."""
+    """None where the observer's space does not explain the recording, or nobody can list the space."""
     board, triggers, objects = replayed.board, replayed.triggers, len(replayed.board.objects)
-    space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
-    shown, owners = replayed.shown[:, responders], [name.object for name in replayed.names]
+    owners = [name.object for name in replayed.names]
     pairs_, links = np.zeros((count + 1, objects, objects)), np.zeros((count + 1, objects, 3), int)
     changes = ChangeBelief(np.zeros((count, objects)), np.full(objects, -1))
     last = None
     try:
+        space, responders = board_space(board, replayed.law.links.sizes, replayed.law.stages)
+        shown = replayed.shown[:, responders]
         observer = Observer(space, triggers[0], shown[0], error)
         for number in range(max(count, replayed.steps) + 1):
             if number:

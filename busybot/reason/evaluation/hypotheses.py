@@ -36,6 +36,9 @@ from busybot.reason.evaluation.wirings import Drawn, Listed, Wiring
 LEVELS = 5
 """A probability that is drawn from an interval is taken for one of so many in it."""
 NOTHING, CLOCK, UNRELIABLE = Rest.kind, "clock", "unreliable"
+MOST_REMEMBERED = 1024
+"""Of a mechanism that may remember more than so many different things nobody lists what it does; built-in ones have
+some dozens."""
 DRAWN_BY = "draw by `integers`, `choice`, `uniform`, or a comparison of `random()`"
 STEPS = tuple(range(REWIRED_AT[0], REWIRED_AT[1] + 1))
 """Numbers of the actions after which a rewiring may show first."""
@@ -177,7 +180,11 @@ class Machine:
 
 @lru_cache(maxsize=4096)
 def machine_of(mechanism: Mechanism) -> Machine:
-    """The tables of a mechanism, by asking it for everything that it may do."""
+    """The tables of a mechanism, by asking it for everything that it may do.
+
+    Raises:
+        BusybotError: it draws what nobody can list, or remembers more than `MOST_REMEMBERED` different things.
+    """
     combinations_ = list(product(*(range(size) for size in mechanism.sizes)))
     starts = [mechanism.start(inputs) for inputs in combinations_]
     numbers = {memory: number for number, memory in enumerate(dict.fromkeys(memory for _, memory in starts))}
@@ -189,6 +196,11 @@ def machine_of(mechanism: Mechanism) -> Machine:
             told = []
             for weight, (shown, after) in _lucky(mechanism, inputs, memory):
                 if after not in numbers:
+                    if len(numbers) == MOST_REMEMBERED:
+                        what = f"a mechanism of the kind {mechanism.kind!r} may remember more than {MOST_REMEMBERED}"
+                        raise BusybotError(
+                            f"{what} different things, which nobody can list", "let counts end somewhere"
+                        )
                     numbers[after] = len(numbers)
                     waiting.append(after)
                 told.append((weight, (shown, numbers[after])))
@@ -359,8 +371,11 @@ class Space:
         return np.array([lag_of(one, len(self.sizes)) for one in self.hypotheses])
 
     def meaning_of(self, hypothesis: Hypothesis) -> int:
-        """The number in `meanings` of what responds like this, -1 if nothing here does."""
-        return self._codes.get(hypothesis.meaning, -1)
+        """The number in `meanings` of what responds like this, -1 if nothing here does, or nobody can tell."""
+        try:
+            return self._codes.get(hypothesis.meaning, -1)
+        except BusybotError:  # nobody can list it, and all that is here is listed
+            return -1
 
     @cached_property
     def _codes(self) -> dict[tuple[Any, ...], int]:
@@ -415,7 +430,7 @@ def space_of(world: str, novel: bool, sizes: tuple[int, ...], stages: tuple[Stag
         stages: of each responder, what it can be.
 
     Raises:
-        BusybotError: there is no such world, or one of its mechanisms draws what nobody can list.
+        BusybotError: there is no such world, or one of its mechanisms draws, or remembers, what nobody can list.
     """
     law = world_named(world, novel)
     single = [number for number, (two, _) in enumerate(stages) if two]
@@ -572,8 +587,13 @@ def board_space(
         sizes: number of states of each trigger link.
         stages: of each responder, what it can be; None if all that may be known is that links with three states move
             responders with three.
+
+    Raises:
+        BusybotError: the board has no responder, or as `space_of`.
     """
     responders = [index for index, placed in enumerate(board.objects) if placed.role == "responder"]
+    if not responders:
+        raise BusybotError(f"board {board.index} has no responder", "take boards on which something can be decided")
     able = tuple(stages) if stages is not None else ((True, 3 in sizes),) * len(responders)
     if board.world == REAL_BOARD:
         return wired_space(sizes, len(responders), Listed(WIRINGS)), responders

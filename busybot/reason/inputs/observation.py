@@ -14,6 +14,7 @@ import numpy as np
 from busybot.boards.directions import DIRECTIONS
 from busybot.episodes.codec import EncodedImage, LazyImages
 from busybot.episodes.episode import Camera, Episode, Image, Step
+from busybot.episodes.schema import UNKNOWN_PIXEL
 
 KEPT, DECODED = 64_000_000, 7
 """Decoded pictures of one board take so many bytes at most, and so many a pixel: three colours and a float of depth."""
@@ -43,7 +44,7 @@ class ObservedAction:
     """One proposed action.
 
     Attributes:
-        pixel: (u, v) chosen in the picture before.
+        pixel: (u, v) chosen in the picture before; `UNKNOWN_PIXEL` where none was.
         position: board frame, board units.
         direction: unit vector of the proposed direction, board frame.
         pushed: the same of the direction that was tried last, if the picture changed then: first comes the proposed
@@ -188,13 +189,16 @@ def acted_objects(observed: ObservedEpisode) -> np.ndarray:
     """The trigger that each action took hold of as far as boxes tell, int (T,), -1 for none.
 
     It is the trigger whose first-frame box holds the action's pixel; of several the one with the smallest box, then the
-    one whose centre is nearest. A pixel outside of all trigger boxes goes to the nearest box within `REACH`.
+    one whose centre is nearest. A pixel outside of all trigger boxes goes to the nearest box within `REACH`. What was
+    not chosen in a picture took hold of nothing that boxes tell.
     """
     return np.array([trigger_at(observed, action.pixel) for action in observed.actions], int)
 
 
 def trigger_at(observed: ObservedEpisode, pixel: tuple[int, int]) -> int:
     """The trigger at a pixel (u, v) by the rule of `acted_objects`, -1 for none."""
+    if pixel == UNKNOWN_PIXEL:  # as a place it would lie beside a box in the picture's corner
+        return -1
     u, v = pixel
     near = []
     for index in observed.triggers:

@@ -25,8 +25,8 @@ class InferredLinks:
     probabilities: np.ndarray
 
     def after(self, steps: int) -> np.ndarray:
-        """Probabilities (K, N) after so many steps, 0 before the first."""
-        if steps <= 0:
+        """Probabilities (K, N) after so many steps, 0 before the first and where there was none."""
+        if steps <= 0 or not len(self.probabilities):
             return np.zeros(self.probabilities.shape[1:])
         return self.probabilities[min(steps, len(self.probabilities)) - 1]
 

@@ -1,4 +1,4 @@
-"""What a stranger's package may bring, for `test_base`."""
+"""What a stranger's package may bring."""
 
 from typing import ClassVar, Self
 
@@ -48,6 +48,28 @@ class Beyond(Echo):
 
     def step(self, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
         return (0 if inputs == memory else -1), inputs
+
+
+class Scaled(Echo):
+    """Calculates with its luck."""
+
+    kind: ClassVar[str] = "scaled"
+    draws: ClassVar[bool] = True
+
+    def step(self, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        return self.shown(inputs if chance is None or 10 * chance.random() > 1 else memory), inputs
+
+
+class Counting(Echo):
+    """Shows what its link does, and counts all actions, without end."""
+
+    kind: ClassVar[str] = "counting"
+
+    def start(self, inputs: Inputs) -> tuple[int, Memory]:
+        return self.shown(inputs), (0,)
+
+    def step(self, inputs: Inputs, memory: Memory, chance: Chance) -> tuple[int, Memory]:
+        return self.shown(inputs), (memory[0] + 1,)
 
 
 class Misnamed(Echo):

@@ -15,7 +15,7 @@ from busybot.plan.learning.network import read_policy
 from busybot.training.model_cards import PACKAGE
 from tests.cli.commands import busybot
 from tests.episodes.folders import make_dataset
-from tests.episodes.synthetic import make_episode
+from tests.episodes.synthetic import make_episode, make_real_episode
 
 PRETRAINED = PACKAGE / "pretrained"
 
@@ -151,6 +151,15 @@ def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) ->
     assert 2 <= used < 500
     assert f"{used} of 500" in " ".join(shown.split())
     assert "no step is left to predict" in shown
+
+
+def test_why_nothing_is_predicted_is_told_as_it_is(tmp_path: Path) -> None:
+    """Steps follow what was observed; their states nobody knows."""
+    real = make_dataset(tmp_path / "real", boards=1, finished=(), split="real")
+    write_episode(real.episode_path(0), make_real_episode(0, steps=6))
+    real.write_tables()
+    shown = run(real.path, "--reasoner", "count", "--images", 4, "--workers", "1").stdout
+    assert "no recording tells the states of a step after its first 4 images" in shown and "at most" not in shown
 
 
 def test_a_recording_in_which_nothing_moved_is_told_of(tmp_path: Path) -> None:

@@ -23,12 +23,14 @@ from busybot.reason.evaluation.hypotheses import (
     STEPS,
     Hypothesis,
     Space,
+    board_space,
     machine_of,
     outcomes,
     space_of,
     table_space,
 )
 from busybot.reason.evaluation.upper_bound import Belief, Observer, greedy, observe
+from tests.boards.mechanisms.strange import Counting
 
 SINGLE, ANY = (True, False), (True, True)
 Trace = tuple[np.ndarray, np.ndarray]
@@ -195,6 +197,24 @@ def test_all_ways_of_drawing_are_found_with_their_probabilities() -> None:
         assert outcomes(lambda rng, ask=compare: ask(rng.random())) == [(0.25, False), (0.75, True)]
     with pytest.raises(BusybotError, match="calculates with luck"):
         outcomes(lambda rng: int(rng.random() * 3))
+
+
+@pytest.mark.parametrize("world", ["paper", "gates"])
+def test_a_board_without_responders_has_no_space(world: str) -> None:
+    switch = PlacedObject(key="Switch/s", role="trigger", position=(0, 0, 0), yaw=0, scale=1, states=(0,))
+    board = BoardSpec(
+        index=7, seed=0, split="train", appearance_group=0, texture="wood", color=(1, 1, 1), objects=(switch,),
+        relations=(), world=world,
+    )  # fmt: skip
+    with pytest.raises(BusybotError, match="board 7 has no responder"):
+        board_space(board, (2,), ())
+
+
+def test_nothing_in_a_space_responds_as_what_nobody_can_list() -> None:
+    space, counting = space_of("gates", False, (2, 2), (ANY,) * 2), Counting(sizes=(2,), table=(0, 1))
+    with pytest.raises(BusybotError, match="remember more than 1024"):
+        machine_of(counting)
+    assert space.meaning_of(Hypothesis(counting, (0,))) == -1
 
 
 @pytest.mark.parametrize("novel", [False, True])

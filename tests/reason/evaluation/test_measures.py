@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
@@ -335,6 +336,16 @@ def test_luck_that_nobody_can_list_is_taken_as_known(monkeypatch: pytest.MonkeyP
     episodes = [play([lucky, FOLLOWS], (0, 3, 0, 3, 0, 3), "chance", index=index) for index in range(12)]
     told = [(episode, asked(episode, Knower(episode), images=7)) for episode in episodes]
     assert summary(*told, images=7)["what_if_bound"] == 1.0
+
+
+@pytest.mark.parametrize("name", ["scaled", "counting"])
+def test_what_nobody_can_list_has_no_bound_and_is_judged_all_the_same(name: str, registered: list[EntryPoint]) -> None:
+    """Mechanisms of a package: one calculates with its luck, the other one counts without end."""
+    registered.append(EntryPoint(name, f"tests.boards.mechanisms.strange:{name.title()}", "busybot.mechanisms"))
+    episode = play([relation(name, (3,), 2, (0, 1))], PRESSES, name)
+    judged = judge_causes(watched(episode), claims((3, 2)), Knower(episode))
+    assert judged.bound is None and judged.links_bound is None and judged.claimed[-1][3, 2]
+    assert [(one.kind, one.right, one.bound) for one in judged.mechanisms if one.driven] == [(name, True, None)]
 
 
 def test_luck_is_remembered_as_far_as_it_goes() -> None:

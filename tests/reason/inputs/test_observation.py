@@ -12,6 +12,7 @@ from busybot.episodes.codec import LazyImages
 from busybot.episodes.episode import Episode, Image, Link
 from busybot.episodes.mcap.reader import read_episode
 from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.schema import UNKNOWN_PIXEL
 from busybot.reason.inputs.observation import (
     ObservedEpisode,
     acted_objects,
@@ -225,6 +226,11 @@ def test_far_from_all_triggers_nothing_was_acted_on() -> None:
 
 def test_responders_and_unseen_triggers_are_not_acted_on() -> None:
     assert acted([(-1, -1, -1, -1), (60, 60, 80, 80)], (70, 70), roles="tr") == -1
+
+
+def test_what_was_not_chosen_in_a_picture_took_hold_of_nothing_that_boxes_tell() -> None:
+    """Not of what shows in the corner of the picture, either."""
+    assert acted([(0, 0, 20, 20)], (0, 0)) == 0 and acted([(0, 0, 20, 20)], UNKNOWN_PIXEL) == -1
 
 
 def test_what_is_looked_at_again_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

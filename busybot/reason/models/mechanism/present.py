@@ -6,6 +6,7 @@ of them moved since the end of what was seen as possible. A memory (a toggle's, 
 shows.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -61,7 +62,7 @@ class Past:
         """
         trace = self.perceived.trace
         last = trace.links[-1]
-        if not len(last) or np.prod(trace.sizes) > MOST:
+        if not len(last) or math.prod(trace.sizes) > MOST:  # numpy's integers would begin anew beyond 2 ** 63
             return last
         ways = np.array(list(product(*map(range, trace.sizes))), int)
         score = -MOVED * (ways != last).sum(1) + self._likely(ways, shown)

@@ -13,6 +13,7 @@ import torch
 from benchmarks.studies.mechanisms import JUDGED_SEED, compare, draw
 from busybot.boards.config import BoardConfig
 from busybot.boards.generate import generate_boards
+from busybot.common.errors import BusybotError
 from busybot.objects.resolve import find
 from busybot.reason.models.mechanism.config import MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
@@ -495,6 +496,11 @@ def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], 
     rows = compare(whole.network.eval(), judged, 0)
     assert set(rows) == {str(after) for after in JUDGED_AFTER}
     assert rows["30"]["bound"]["share"] > 0.8 and rows["30"]["network"]["share"] > rows["4"]["network"]["share"]
+
+
+def test_without_a_board_on_which_anything_was_done_there_is_nothing_to_train_on() -> None:
+    with pytest.raises(BusybotError, match="no board to train on"):
+        MechanismLearner(MechanismConfig(labels="pictures"), [], [], 0).iterate(0)
 
 
 def test_early_moments_are_learned_from_as_if_recordings_ended_there(gates: list[LabelledTrace]) -> None:

@@ -166,10 +166,12 @@ def test_what_links_decide_that_nobody_saw_moving_is_learned_from_parts_of_recor
     assert not whole.triggers
 
 
-def test_a_board_on_which_nobody_acted_teaches_nothing(watched: BoardSequence) -> None:
+def test_a_board_on_which_nobody_acted_or_nothing_responds_teaches_nothing(watched: BoardSequence) -> None:
     told: list[int] = []
-    boards = cast(RecordedBoards, Boards(watched.first(1)))
-    assert not list(_looked_at(boards, MechanismConfig(), True, told.append)) and told == [1]
+    for sequence in (watched.first(1), replace(watched, responders=np.zeros_like(watched.responders))):
+        boards = cast(RecordedBoards, Boards(sequence))
+        assert not list(_looked_at(boards, MechanismConfig(), True, told.append))
+    assert told == [1, 1]
 
 
 def test_labels_that_nobody_has_are_not_learned_from(watched: BoardSequence) -> None:

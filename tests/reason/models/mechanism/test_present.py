@@ -62,3 +62,12 @@ def test_a_toggle_is_what_it_shows() -> None:
         assert known.remembered(rested, rested, np.array([shown]))[0, number] == shown, "nobody pressed"
         pressed = rested + 1
         assert known.remembered(rested, pressed, np.array([shown]))[0, number] == 1 - shown
+
+
+def test_links_that_stand_in_more_ways_than_are_compared_stand_as_they_did() -> None:
+    """Also where there are more of these than 64 bits count."""
+    known = past(np.zeros((3, 2), int), np.zeros(3, int), [0], "late 0")
+    links = np.arange(3)[:, None] * np.ones(64, int) % 2
+    trace = replace(known.perceived.trace, links=links, sizes=(2,) * 64)
+    many = replace(known, perceived=replace(known.perceived, trace=trace))
+    assert many.standing(np.array([0]), push(0, UP), 0).tolist() == links[-1].tolist()

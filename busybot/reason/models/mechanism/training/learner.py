@@ -148,6 +148,9 @@ class MechanismLearner(Learner):
     ):
         torch.set_num_threads(1)
         repeat_exactly()
+        if not len(boards):
+            what = "no board to train on that has responders, and on which anything was done"
+            raise BusybotError(what, "train on datasets with recorded steps")
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         self._graphs: dict[int, HeteroData] = {}
@@ -292,7 +295,7 @@ def learner_of(
 def _looked_at(
     boards: RecordedBoards, config: MechanismConfig, parts: bool, progress: Callable[[int], None]
 ) -> Iterator[LabelledTrace]:
-    """What pictures show of recorded boards; one on which nobody acted teaches nothing.
+    """What pictures show of recorded boards; one on which nobody acted, or without responders, teaches nothing.
 
     Args:
         parts: look at what their first actions alone show, too; there are labels for that.
@@ -305,7 +308,7 @@ def _looked_at(
         if config.labels == "parents" and not episode.board.relations_known:
             what = f"{boards.file(number)}: nobody knows what controls what on this board"
             raise BusybotError(what, "train with --set labels=pictures, or on other datasets")
-        if not sequence.steps:
+        if not sequence.steps or not sequence.responders.any():
             progress(number + 1)
             continue
         seen = perceive(sequence, config.encoder)

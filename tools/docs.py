@@ -86,7 +86,6 @@ PAGES: dict[str, dict[str, Part]] = {
         "world-gates": gate_tables.world_gates,
         "gates-missed": gate_tables.gates_missed,
         "curious-gates": gate_tables.curious_gates,
-        "successor-gates": gate_tables.successor_gates,
         "further-gates": gate_tables.further_gates,
     },
     "docs/results/worlds-figures.md": {

@@ -6,7 +6,6 @@ about; then how soon curiosity knows, plans, and what is left before a real came
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 from benchmarks.tables.world_gates import digest_of
@@ -17,8 +16,8 @@ from tools.tables import reaching, result, whole
 
 _Judged = dict[tuple[str, str], list[dict[str, Any]]]
 """Figures of each seed, by world and set."""
-SUCCESSORS = "successor-validation-gates", "successor-gates"
-"""Results of the weights that ship, until they are judged on all sets and take the place of those before."""
+JUDGED = "validation-gates", "world-gates", "new-kinds-gates"
+"""Results about the same models on the sets: those for choices, those of known kinds of mechanisms, of new ones."""
 
 
 def gates_glance() -> str:
@@ -127,25 +126,19 @@ def curious_figures() -> str:
 
 def pipeline_gates() -> str:
     """What five seeds of all that is learned reach, each on what its own policy records, beside one policy for all."""
-    rows, shared, lines = result("pipeline-gates")["rows"], _judged(), []
+    rows, shared, lines = result("pipeline-gates")["rows"], _judged(("pipeline-shared-gates",)), []
     for place in ((world, split) for world, sets in rows.items() for split in sets):
         own, words = list(rows[place[0]][place[1]].values()), ", ".join(place)
         if {digest_of(one["model"]) for one in own} != {digest_of(one["model"]) for one in shared[place]}:
             raise BusybotError(
-                f"pipeline-gates, {words}: the models are not those of world-gates", "judge the same ones"
+                f"pipeline-gates, {words}: the models are not those of pipeline-shared-gates", "judge the same ones"
             )
         lines += [(words, _seed_cells(own)), (f"{words}: one policy for all", _seed_cells(shared[place]))]
     heads = ("policies", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "what if", "Pred-A")
     return markdown([plain_grid(heads, lines, "percent after 22 actions")])
 
 
-def successor_gates() -> str:
-    """The gates of the weights that took the place of those of `world_gates`, on the sets on which they were judged so
-    far, beside those."""
-    return markdown([_gates_grid(_judged(SUCCESSORS), before=_judged())])
-
-
-def _judged(names: tuple[str, ...] = ("validation-gates", "world-gates")) -> _Judged:
+def _judged(names: tuple[str, ...] = JUDGED) -> _Judged:
     """The rows of the validation sets and of the test sets, all of the same models."""
     told: _Judged = {}
     files = [result(name)["rows"] for name in names]
@@ -173,21 +166,19 @@ def _check_judged(told: _Judged) -> None:
             raise BusybotError(what, "judge all of them with the same ones; put one result in the place of the other")
 
 
-def _gates_grid(told: _Judged, before: _Judged | None = None) -> Grid:
-    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate; beside
-    those of other models, `before`, who were judged on all of these sets."""
-    sides = {"": told} if before is None else {"before: ": before, "": told}
-    heads = [side + split for split in dict.fromkeys(split for _, split in told) for side in sides]
+def _gates_grid(told: _Judged) -> Grid:
+    """A line for each gate of each world: the mean of the seeds, the worst of them, how many reach the gate."""
+    splits = list(dict.fromkeys(split for _, split in told))
     found: dict[tuple[str, str, str], dict[str, str]] = {}
-    for (world, split), (side, judged) in product(told, sides.items()):
-        for own in zip(*(_gates(world, split, one) for one in judged[world, split]), strict=True):
+    for (world, split), seeds in told.items():
+        for own in zip(*(_gates(world, split, one) for one in seeds), strict=True):
             line = found.setdefault((world, own[0].words, own[0].asked), {})
-            line[side + split] = _seeds_cell([gate.value for gate in own], own[0])
+            line[split] = _seeds_cell([gate.value for gate in own], own[0])
     lines = [
-        (f"{world}: {words}", [asked, *(cells.get(head, "") for head in heads)])
+        (f"{world}: {words}", [asked, *(cells.get(split, "") for split in splits)])
         for (world, words, asked), cells in found.items()
     ]
-    return plain_grid(("asked", *heads), lines, "percent, or points")
+    return plain_grid(("asked", *splits), lines, "percent, or points")
 
 
 def _seeds_cell(values: list[float | None], gate: "_Gate", more: str = "") -> str:

@@ -204,6 +204,7 @@ def test_other_recordings_of_the_same_models_stand_beside_those_of_one_policy(mo
     files = {
         "world-gates": rows("pp", 0.8, 0.9),
         "pipeline-gates": rows("pq", 0.7, 0.9),
+        "pipeline-shared-gates": rows("pp", 0.8, 0.9),
         "curious-gates": rows("pp", 0.9, 1.0),
     }
     monkeypatch.setattr(gate_tables, "result", lambda name: files.get(name, {"rows": {}}))
@@ -216,7 +217,9 @@ def test_other_recordings_of_the_same_models_stand_beside_those_of_one_policy(mo
     files["curious-gates"]["rows"]["mixed"]["novel-config"]["b"] = seed("c", "p", 1.0)
     files["pipeline-gates"]["rows"]["mixed"]["novel-config"]["b"] = seed("c", "p", 1.0)
     for table in (gate_tables.curious_gates, gate_tables.pipeline_gates):
-        with pytest.raises(BusybotError, match="the models? (is not that of all sets|are not those of world-gates)"):
+        with pytest.raises(
+            BusybotError, match="the models? (is not that of all sets|are not those of pipeline-shared-)"
+        ):
             table()
 
 
@@ -226,13 +229,15 @@ def test_sets_stand_beside_each_other_if_the_same_models_were_judged(monkeypatch
         test = {"lock": {"novel-config": {"a": row(model=model, what_if=0.8)}}}
         model = {"README.md": "earlier", "weights.safetensors": "1"}
         validation = {world: {"validation": {"a": row(model=model)}} for world in ("lock", "mixed")}
-        return {"validation-gates": {"rows": validation}, "world-gates": {"rows": test}}
+        new_kinds = {"lock": {"novel-mechanism": {"a": row(model=model, what_if=0.7)}}}
+        told = {"validation-gates": validation, "world-gates": test, "new-kinds-gates": new_kinds}
+        return {name: {"rows": rows} for name, rows in told.items()}
 
     monkeypatch.setattr(gate_tables, "result", files("1").get)
     told = [[cell.strip() for cell in line.strip("|").split("|")] for line in gate_tables.world_gates().splitlines()]
-    assert told[0] == ["percent, or points", "asked", "validation", "novel-config"]
-    assert ["lock: what if", "at least 90", "95.0 ✓", "80.0 ✗"] in told
-    assert ["mixed: what if", "at least 90", "95.0 ✓", ""] in told
+    assert told[0] == ["percent, or points", "asked", "validation", "novel-config", "novel-mechanism"]
+    assert ["lock: what if", "at least 90", "95.0 ✓", "80.0 ✗", "70.0 ✗"] in told
+    assert ["mixed: what if", "at least 90", "95.0 ✓", "", ""] in told
     monkeypatch.setattr(gate_tables, "result", files("2").get)
     with pytest.raises(BusybotError, match="the model is not that of all sets"):
         gate_tables.world_gates()

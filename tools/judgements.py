@@ -1,5 +1,6 @@
 """The page of judgings: how often each test set of the worlds was used, from the log that evaluations write."""
 
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,14 @@ SHOWN = {
 
 
 UNTOLD = "-"
+AT_ONCE = timedelta(minutes=1)
+"""Entries that follow each other within this were made by one command."""
 _Judgings = list[tuple[dict[str, Any], int]]
 """Entries about one model on one set, with the number of boards, the oldest first."""
 
 
 def test_sets(root: Path = ROOT) -> str:
-    """A line for models that were judged on a set on the same days: how often, and what came out the last time."""
+    """A line for models that were judged on a set together: how often, and what came out the last time."""
     entries = [read_json(file) for file in sorted((root / LOG).glob("*.json"))]
     found: dict[tuple[str, ...], dict[str, _Judgings]] = {}
     for entry in sorted(entries, key=lambda entry: entry["when"]):
@@ -48,11 +51,23 @@ def test_sets(root: Path = ROOT) -> str:
 
 
 def _together(models: dict[str, _Judgings]) -> list[dict[str, _Judgings]]:
-    """The models in groups of those that were judged as often, on the same days, on as many boards."""
-    groups: dict[tuple[tuple[str, int], ...], dict[str, _Judgings]] = {}
+    """The models in groups of those that were judged by the same commands, on as many boards."""
+    groups: dict[tuple[tuple[int, int], ...], dict[str, _Judgings]] = {}
+    commands = _commands({entry["when"] for judgings in models.values() for entry, _ in judgings})
     for model, judgings in sorted(models.items()):
-        groups.setdefault(tuple((_day(entry), boards) for entry, boards in judgings), {})[model] = judgings
-    return [groups[days] for days in sorted(groups)]
+        groups.setdefault(tuple((commands[entry["when"]], boards) for entry, boards in judgings), {})[model] = judgings
+    return [groups[told] for told in sorted(groups)]
+
+
+def _commands(moments: set[str]) -> dict[str, int]:
+    """By which of the commands, one after the other, an entry was made: one enters all of its models at its end."""
+    found: dict[str, int] = {}
+    number, before = 0, datetime.min.replace(tzinfo=UTC)
+    for moment in sorted(moments):
+        now = datetime.fromisoformat(moment)
+        number += now - before > AT_ONCE
+        found[moment], before = number, now
+    return found
 
 
 def _told(together: dict[str, _Judgings]) -> tuple[str, ...]:

@@ -140,3 +140,12 @@ def test_the_page_has_a_line_for_models_that_were_judged_together(checkout: Path
     assert (alone[4].count("`"), together[4].count("`")) == (2, 6), "hashes"
     assert alone[6] == "1" and together[6] == "2", "on as many boards"
     assert alone[-1] == "F1 of parents 50.0 |" and together[-1] == "F1 of parents 25.0-75.0 |"
+
+
+def test_models_that_were_judged_at_another_hour_have_a_line_of_their_own(checkout: Path, boards: Dataset) -> None:
+    for seed, when in enumerate(("07:13:00", "07:13:02", "15:17:00")):
+        logged = enter(boards, hashes={"models": {"m": {"weights": f"seed {seed}"}}})
+        file = checkout / judgements.LOG / str(logged)
+        file.write_text(json.dumps(json.loads(file.read_text()) | {"when": f"2026-11-30T{when}Z"}))
+    lines = [line.split(" | ") for line in page.test_sets(checkout).splitlines()[2:]]
+    assert [line[4].count("`") for line in lines] == [4, 2], "hashes"

@@ -77,9 +77,11 @@ def reasoning(result: dict[str, Any], unjudged: Sequence[str] = ()) -> None:
         screen.print(_predictions(result))
     elif used := result["images_used"]:
         why = f"the recordings have at most {counted(used - 1, 'step')}, so no step is left to predict"
+        hint = "use a smaller --images, or record more with collect --steps"
         if used == result["images"]:  # what follows may be there, without states
             why = f"no recording tells the states of a step after its first {counted(used, 'image')}"
-        screen.print(f"no Pred-A: {why}; use a smaller --images, or record more with collect --steps", soft_wrap=True)
+            hint = "it takes recordings that go on, and whose states are known"
+        screen.print(f"no Pred-A: {why}; {hint}", soft_wrap=True)
 
 
 def _edges(result: dict[str, Any]) -> "Table":

@@ -191,16 +191,16 @@ def machine_of(mechanism: Mechanism) -> Machine:
     steps: dict[tuple[int, int], list[tuple[float, tuple[int, int]]]] = {}
     waiting = list(numbers)
     while waiting:
+        if len(numbers) > MOST_REMEMBERED:
+            what = (
+                f"a mechanism of the kind {mechanism.kind!r} may remember more than {MOST_REMEMBERED} different things"
+            )
+            raise BusybotError(f"{what}, which nobody can list", "let counts end somewhere")
         memory = waiting.pop(0)
         for row, inputs in enumerate(combinations_):
             told = []
             for weight, (shown, after) in _lucky(mechanism, inputs, memory):
                 if after not in numbers:
-                    if len(numbers) == MOST_REMEMBERED:
-                        what = f"a mechanism of the kind {mechanism.kind!r} may remember more than {MOST_REMEMBERED}"
-                        raise BusybotError(
-                            f"{what} different things, which nobody can list", "let counts end somewhere"
-                        )
                     numbers[after] = len(numbers)
                     waiting.append(after)
                 told.append((weight, (shown, numbers[after])))

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from itertools import combinations, product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from busybot.boards.config import BoardConfig
 from busybot.boards.dynamics import Dynamics, Links
 from busybot.boards.generate import generate_boards
 from busybot.boards.mechanisms import Mechanism
+from busybot.boards.mechanisms.base import Inputs, Memory
 from busybot.boards.spec import BODY, BoardSpec, LinkRef, PlacedObject, Relation, Rewiring
 from busybot.boards.worlds import NOVEL, WORLDS
 from busybot.common.errors import BusybotError
@@ -210,10 +211,21 @@ def test_a_board_without_responders_has_no_space(world: str) -> None:
         board_space(board, (2,), ())
 
 
+class Beginning(Counting):
+    """Begins with more different things to remember than anybody lists."""
+
+    arity: ClassVar[tuple[int, int]] = (11, 11)
+
+    def start(self, inputs: Inputs) -> tuple[int, Memory]:
+        return self.shown(inputs), (0, *inputs)
+
+
 def test_nothing_in_a_space_responds_as_what_nobody_can_list() -> None:
     space, counting = space_of("gates", False, (2, 2), (ANY,) * 2), Counting(sizes=(2,), table=(0, 1))
-    with pytest.raises(BusybotError, match="remember more than 1024"):
-        machine_of(counting)
+    beginning = Beginning(sizes=(2,) * 11, table=(0, 1) * 1024)
+    for endless in (counting, beginning):
+        with pytest.raises(BusybotError, match="remember more than 1024"):
+            machine_of(endless)
     assert space.meaning_of(Hypothesis(counting, (0,))) == -1
 
 

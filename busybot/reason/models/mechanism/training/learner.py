@@ -149,8 +149,8 @@ class MechanismLearner(Learner):
         torch.set_num_threads(1)
         repeat_exactly()
         if not len(boards):
-            what = "no board to train on that has responders, and on which anything was done"
-            raise BusybotError(what, "train on datasets with recorded steps")
+            what = "no board is left to train on: none has responders and recorded steps"
+            raise BusybotError(what, "train on boards with responders, recorded with collect")
         self.config, self.seed, self.iterations = config, seed, config.iterations
         self.boards, self.held_out = boards, held_out
         self._graphs: dict[int, HeteroData] = {}

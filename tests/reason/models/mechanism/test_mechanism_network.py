@@ -499,7 +499,7 @@ def test_it_learns_and_goes_on_where_it_was_stopped(gates: list[LabelledTrace], 
 
 
 def test_without_a_board_on_which_anything_was_done_there_is_nothing_to_train_on() -> None:
-    with pytest.raises(BusybotError, match="no board to train on"):
+    with pytest.raises(BusybotError, match="no board is left to train on"):
         MechanismLearner(MechanismConfig(labels="pictures"), [], [], 0).iterate(0)
 
 

@@ -19,8 +19,6 @@ SHOWN = {
     "recall": "recall",
 }
 """Figures that the page repeats."""
-
-
 UNTOLD = "-"
 AT_ONCE = timedelta(minutes=1)
 """Entries that follow each other within this were made by one command."""

@@ -242,10 +242,8 @@ def recorded_boards(recordings: Iterable[Recorded]) -> Iterator[tuple[BoardSpec,
 
 def measure(arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """The whole result, after each world."""
-    library, rows = (
-        find(arguments.assets),
-        runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets)),
-    )
+    library = find(arguments.assets)
+    rows = runner.told_rows(arguments.out, KIND, assets=runner.assets_name(arguments.assets))
     for world in runner.chosen(arguments.only, NAMES) if arguments.only else NAMES:
         config = BoardConfig(world=world, boards=arguments.boards, seed=SEED, group_size=1)
         none: dict[str, np.ndarray] = {}

@@ -335,7 +335,7 @@ class PolicyAgent:
         """Tell what came of the last action, as `step` returned it."""
         assert self._action is not None, "act first"
         shown = self._observed(observation)
-        if self._seen is None or shown.differs(self._seen):  # the same object as long as nothing changes
+        if self._seen is None or shown.differs(self._seen):  # the same object as long as no pixel changes
             self._seen = shown
         self._policy.observe(self._action, executed, int(reward), self._seen)
 

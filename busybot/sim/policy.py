@@ -36,7 +36,7 @@ class Policy(Protocol):
         """The next action; None to end the episode here.
 
         Args:
-            observation: the same object as long as nothing changes.
+            observation: the same object as long as no pixel changes.
         """
         ...
 

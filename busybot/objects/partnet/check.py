@@ -121,10 +121,7 @@ def _questions(name: str, folder: Path, model: ObjectModel) -> list[Finding]:
     try:
         given = Choices.model_validate({"category": model.category, "scale": model.scale, "links": links or None})
         decision = decide(read_raw(folder), given)
-    except (
-        ValidationError,
-        BusybotError,
-    ):  # no import makes a Door a trigger; files that it reads and a board does not
+    except (ValidationError, BusybotError):  # a Door that is a trigger, files that a board does not read: no import's
         return []
     if decision.choices.orientation != tuple(value["Orientation"]):
         return []

@@ -1,13 +1,14 @@
 """What a seed of the `mechanism` model costs from nothing: recordings, training, its row in the table of worlds.
 
-    python -m benchmarks.speed.world_row --assets DIR --policy MODEL --work FOLDER
+    python -m benchmarks.speed.world_row --assets DIR --policy MODEL --reasoner MODEL --work FOLDER
         --out benchmarks/results/world-row.json [--only gates,time] [--boards 60] [--iterations 5000] [--drawn 600]
         [--seed 0]
 
 Three commands, each told with its time by the clock, its processor time and its memory: boards of each world are
 generated and acted on, to train on and to judge on; the model is trained as the one that ships was; it is judged, once
-told the world and once not. Features of pictures are computed once, by the first that reads them. The interaction
-policy, a training's folder, acts on half of what is trained on; its own training is not counted.
+told the world and once not. Features of pictures are computed once, by the first that reads them. Of three boards that
+are trained on, the interaction policy acts on one, and an earlier model of relations chooses among its candidates on
+another; both are trainings' folders that all seeds share, and their own trainings are not counted.
 
 A command that was interrupted goes on, and is not timed; one that is done is not run again.
 """
@@ -27,6 +28,8 @@ from busybot.training.model_cards import WEIGHTS_FILE
 
 KIND = "world-row"
 TABLE = "benchmarks.tables.worlds"
+SETS = ("training", "explored", "chosen")
+"""Recordings that are trained on, as the model that ships was."""
 
 
 def commands(options: argparse.Namespace) -> dict[str, list[str]]:
@@ -34,14 +37,14 @@ def commands(options: argparse.Namespace) -> dict[str, list[str]]:
     data, model = options.work / "data", options.work / "model"
     worlds = runner.chosen(options.only, NAMES) if options.only else list(NAMES)
     boards = ["--data", data, "--assets", options.assets, "--only", ",".join(worlds)]
-    sets = [data / world / name for world in worlds for name in ("training", "explored")]
+    sets = [data / world / name for world in worlds for name in SETS]
     told = [word for folder in sets for word in ("--data", folder)]
     train = ["busybot", "train", "reason", "--variant", "mechanism", *told, "--seed", options.seed, "--out", model]
     row = ["--parts", "learned", "--boards", options.boards, "--model", model, "--out", options.work / "row.json"]
     made = {
         "record": [
-            *(TABLE, "record", *boards, "--sets", "training,explored,validation", "--most", options.boards),
-            *("--policy", options.policy),
+            *(TABLE, "record", *boards, "--sets", ",".join((*SETS, "validation")), "--most", options.boards),
+            *("--policy", options.policy, "--reasoner", options.reasoner),
         ],
         "train": [*train, *runner.settings(f"iterations={options.iterations}", f"drawn={options.drawn}")],
         "judge": [TABLE, *boards, *row],
@@ -90,6 +93,7 @@ def main(words: Sequence[str] | None = None) -> None:
     options = runner.parser(__doc__)
     options.add_argument("--work", type=Path, required=True, help="of all that is made; continued if it exists")
     options.add_argument("--policy", required=True, help="a training of the interaction policy")
+    options.add_argument("--reasoner", required=True, help="one of the model of relations, which chooses actions")
     options.add_argument("--only", help="names of worlds, comma-separated; all by default")
     options.add_argument("--boards", type=int, default=60, help="of each world, to train on and to judge on")
     options.add_argument("--iterations", type=int, default=5000)

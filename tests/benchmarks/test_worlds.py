@@ -180,6 +180,7 @@ def test_what_a_row_costs(tmp_path: Path) -> None:
     out, work = tmp_path / "row.json", tmp_path / "work"
     words = ["--assets", "procedural", "--work", str(work), "--only", "gates", "--boards", "2", "--out", str(out)]
     words += ["--iterations", "2", "--drawn", "1", "--policy", "procedural"]
+    words += ["--reasoner", "benchmarks/models/mechanism-first"]
     world_row.main(words)
     made = read_result(out, "world-row")
     assert list(made["rows"]) == ["record", "train", "judge"]

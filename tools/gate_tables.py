@@ -126,22 +126,22 @@ def curious_figures() -> str:
 
 def pipeline_gates() -> str:
     """What five seeds of all that is learned reach, each on what its own policy records, beside one policy for all."""
-    rows, shared, lines = result("pipeline-gates")["rows"], _judged(("pipeline-shared-gates",)), []
+    rows, shared, lines = result("pipeline-gates")["rows"], _judged(), []
     for place in ((world, split) for world, sets in rows.items() for split in sets):
         own, words = list(rows[place[0]][place[1]].values()), ", ".join(place)
         if {digest_of(one["model"]) for one in own} != {digest_of(one["model"]) for one in shared[place]}:
             raise BusybotError(
-                f"pipeline-gates, {words}: the models are not those of pipeline-shared-gates", "judge the same ones"
+                f"pipeline-gates, {words}: the models are not those of world-gates", "judge the same ones"
             )
         lines += [(words, _seed_cells(own)), (f"{words}: one policy for all", _seed_cells(shared[place]))]
     heads = ("policies", "P / R at 22", "F1, links (bound)", "mechanism (bound)", "what if", "Pred-A")
     return markdown([plain_grid(heads, lines, "percent after 22 actions")])
 
 
-def _judged(names: tuple[str, ...] = JUDGED) -> _Judged:
+def _judged() -> _Judged:
     """The rows of the validation sets and of the test sets, all of the same models."""
     told: _Judged = {}
-    files = [result(name)["rows"] for name in names]
+    files = [result(name)["rows"] for name in JUDGED]
     for world in dict.fromkeys(world for rows in files for world in rows):
         for split, seeds in (cell for rows in files for cell in rows.get(world, {}).items()):
             told[world, split] = list(seeds.values())

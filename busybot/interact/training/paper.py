@@ -161,7 +161,7 @@ def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndar
         return functional.cross_entropy(at_pixel, reward.long())
     labels, known = (torch.from_numpy(values.astype(np.float32)).to(on) for values in paper_labels(samples, chosen))
     losses = functional.binary_cross_entropy_with_logits(outputs, labels, reduction="none") * known
-    return (losses.sum(dim=1) / known.sum(dim=1).clamp(min=1)).mean()  # of an imported action nobody may say what
+    return (losses.sum(dim=1) / known.sum(dim=1)).mean()
 
 
 def paper_labels(samples: Samples, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,7 +11,7 @@ from busybot.boards.directions import OPPOSITE
 from busybot.common.errors import BusybotError
 from busybot.common.rng import generator
 from busybot.episodes.mcap.reader import read_episode
-from busybot.interact.affordance.networks import KINDS, Kind, make_paper_network
+from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.policy.config import Inputs
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, batch_loss, draw_half, paper_labels
@@ -59,17 +59,6 @@ def test_a_sample_teaches_what_worked_or_what_was_tried_in_vain(samples: Samples
         else:
             first, second = np.flatnonzero(known[row])
             assert not labels[row].any() and OPPOSITE[first] == second
-
-
-def test_of_an_action_whose_directions_nobody_says_nothing_is_learned(samples: Samples) -> None:
-    """As of an imported one; without any label a mean is no number."""
-    unsaid, reward = np.zeros_like(samples.executed), samples.reward
-    network = make_paper_network("direction", "depth", (120, 160)).eval()
-    chosen = np.array([np.flatnonzero(reward)[0], np.flatnonzero(~reward)[0]])
-    both, one = (
-        batch_loss(network, "direction", replace(samples, executed=unsaid), part) for part in (chosen, chosen[:1])
-    )
-    assert both.item() == pytest.approx(one.item() / 2)
 
 
 def test_whole_pictures_are_cached_once(tmp_path: Path) -> None:

@@ -219,7 +219,7 @@ def test_depth_that_was_not_recorded_is_refused_before_it_is_read(tmp_path: Path
     assert data.frames("next_rgb")[0]["next_rgb"].dtype == torch.uint8
     for picture in ("depth", "next_depth"):
         with pytest.raises(BusybotError, match="000000.mcap: recorded without depth"):
-            data.frames("rgb", picture)  # type: ignore[arg-type]
+            data.frames("rgb", picture)
 
 
 def test_batches_of_frames(tiny: Path) -> None:

@@ -33,7 +33,7 @@ _COLUMNS = {
     "episode": ["episode"],
     "step": ["step"],
 }
-_FILE = ["episode", "width", "height", "checksum"]
+_FILE = ["episode", "width", "height", "checksum", "depth"]
 
 
 class Frames(Dataset[dict[str, torch.Tensor]]):
@@ -45,7 +45,7 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
     | `depth`, `next_depth` | float32 (H, W) | board units, 0 where nothing was hit |
     | `position` | float32 (3,) | where the gripper acted, board frame, board units |
     | `direction` | int64 () | index of the proposed direction among the 18 |
-    | `reward` | int64 () | 1 if the picture changed |
+    | `reward` | int64 () | 1 if the picture changed, or where joint states reward, if one did |
     | `episode`, `step` | int64 () | which step it is; with them `Dataset.to_pandas` tells more |
 
     Encoded pictures that were read last are kept in memory (`episodes.mcap.pictures.KEPT_BYTES` in each process). Of a
@@ -56,7 +56,8 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
         pictures: keys of those that are wanted; the others are neither read nor decoded.
 
     Raises:
-        BusybotError: there is no picture of that name, or the tables are missing or not those of the episodes.
+        BusybotError: there is no picture of that name, an episode has no depth that is asked for, or the tables are
+            missing or not those of the episodes.
     """
 
     def __init__(self, dataset: Recordings, *pictures: Picture):
@@ -72,6 +73,11 @@ class Frames(Dataset[dict[str, torch.Tensor]]):
         if strangers := set(self._values["episode"][:, 0].tolist()) - {row["episode"] for row in files}:
             what = f"{dataset.path}: table steps has episode {min(strangers)}, table episodes has not"
             raise BusybotError(what, HINT_TABLES)
+        flat = [row["episode"] for row in files if not row["depth"]]
+        if flat and not {"depth", "next_depth"}.isdisjoint(pictures):
+            raise BusybotError(
+                f"{dataset.episode_path(flat[0])}: recorded without depth", "ask for `rgb` or `next_rgb`"
+            )
         self._remote, self._blocks = is_remote(dataset.path), SharedBlocks()
         self._size = {row["episode"]: (row["width"], row["height"]) for row in files}
         self._files = {

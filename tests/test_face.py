@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -206,6 +207,19 @@ def test_frames_are_the_steps_in_any_order(folder: Path) -> None:
         frames[len(frames)]
     with pytest.raises(BusybotError, match="no pictures 'colour'"):
         data.frames("colour")  # type: ignore[arg-type]
+
+
+def test_depth_that_was_not_recorded_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    data = busybot.load_dataset(make_dataset(tmp_path / "flat", boards=1, finished=[]).path)
+    episode = make_episode(0)
+    write_episode(
+        data.episode_path(0), replace(episode, images=[replace(image, depth=None) for image in episode.images])
+    )
+    data.write_tables()
+    assert data.frames("next_rgb")[0]["next_rgb"].dtype == torch.uint8
+    for picture in ("depth", "next_depth"):
+        with pytest.raises(BusybotError, match="000000.mcap: recorded without depth"):
+            data.frames("rgb", picture)
 
 
 def test_batches_of_frames(tiny: Path) -> None:

@@ -137,6 +137,8 @@ def main(words: list[str]) -> None:
     arguments = options.parse_args(words)
     if not arguments.data and arguments.wheels is None and not arguments.simulator:
         raise UsageError("nothing to pack", "--data DATASET... to learn from, --wheels or --simulator for packages")
+    if arguments.each < 1:
+        raise UsageError(f"--each {arguments.each}: a file has no board", "--each from 1")
     if arguments.data:
         print(pack(arguments))
     if arguments.wheels is not None or arguments.simulator:

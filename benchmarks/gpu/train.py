@@ -107,6 +107,8 @@ def main() -> None:
     options.add_argument("--inexact", action="store_true", help="do not ask a GPU to repeat exactly")
     options.add_argument("--device", default="auto", help="auto, cpu, cuda or cuda:N")
     arguments = options.parse_args()
+    if arguments.seed < 0 or arguments.checkpoint < 1:  # else it is told when the minutes are spent, or never
+        options.error("--seed counts from 0, --checkpoint from 1")
     choose(arguments.device)
     told = train(arguments)
     each = told.seconds / told.iterations

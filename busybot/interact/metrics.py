@@ -286,11 +286,18 @@ def missed_links(boards: Sequence[JudgedBoard]) -> dict[str, dict[str, int]]:
 def by_step(boards: Sequence[JudgedBoard]) -> list[dict[str, float | None]]:
     """Precision of the k-th actions, and recall after them, k from 1."""
     rows: list[dict[str, float | None]] = []
-    for count in range(1, 1 + max((len(board.actions) for board in boards), default=0)):
-        last = [board.actions[count - 1] for board in boards if len(board.actions) >= count]
-        moved = [{a.link for a in board.actions[:count] if a.success} for board in boards]
-        links = sum(len(board.links) for board in boards)
-        precision = _share(sum(action.success for action in last), len(last))
+    moved: list[set[int]] = [set() for _ in boards]
+    links = sum(len(board.links) for board in boards)
+    for number in range(max((len(board.actions) for board in boards), default=0)):
+        last = [
+            (board.actions[number], own)
+            for board, own in zip(boards, moved, strict=True)
+            if number < len(board.actions)
+        ]
+        for action, own in last:
+            if action.success:
+                own.add(action.link)
+        precision = _share(sum(action.success for action, _ in last), len(last))
         rows.append({"precision": precision, "recall": _share(sum(map(len, moved)), links)})
     return rows
 

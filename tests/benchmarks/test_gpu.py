@@ -23,7 +23,7 @@ from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, rea
 from benchmarks.gpu.unpack import unpack, unpack_interaction
 from benchmarks.tables.table2 import Table2Row
 from busybot.cli.main import app
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, UsageError
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS, Kind
 from busybot.interact.training.config import PaperConfig
@@ -114,6 +114,20 @@ def test_a_pack_whose_files_do_not_hold_what_it_says_is_refused(
     monkeypatch.setattr(formats, "MAX_BOARDS_BYTES", 1 << 10)
     with pytest.raises(BusybotError, match="damaged: cut off, or more than 0 MiB"):
         read_pack(tmp_path / "pack")
+
+
+@pytest.mark.parametrize("words", [("--seed", "-1"), ("--checkpoint", "0")])
+def test_what_would_be_told_after_the_training_is_told_before(
+    words: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    places = [word for name in ("--pack", "--work", "--out") for word in (name, str(tmp_path / name[2:]))]
+    monkeypatch.setattr(sys, "argv", ["train", *places, "--row", "paper", *words])
+    monkeypatch.setattr(train, "train", lambda arguments: pytest.fail("it trains"))
+    with pytest.raises(SystemExit):
+        train.main()
+    assert "--seed counts from 0, --checkpoint from 1" in capsys.readouterr().err
+    with pytest.raises(UsageError, match="--each 0"):
+        packing.main(["--data", str(tmp_path), "--out", str(tmp_path / "pack"), "--each", "0"])
 
 
 @pytest.mark.parametrize("half", [False, True])

@@ -213,6 +213,8 @@ EMBEDDING_WIDTHS = (256, 256)
 SCORE_WIDTHS = (1024, 1024, 1024, DIRECTION_COUNT)
 SIZE = (480, 640)
 """Rows and columns of the paper's pictures."""
+LEAST_SIDE = 2 ** (len(PAPER_DIRECTION_WIDTHS) - 1)
+"""Of smaller pictures the direction network's poolings leave nothing, pixels."""
 
 Size = tuple[int, int]
 
@@ -269,8 +271,7 @@ class PaperDirectionNet(nn.Module):
         for a, b in pairwise((channels + 1, *PAPER_DIRECTION_WIDTHS)):
             layers += [_block(a, b), nn.MaxPool2d(2)]
         self.convolutions = nn.Sequential(*layers[:-1])
-        shrink = 2 ** (len(PAPER_DIRECTION_WIDTHS) - 1)
-        cells = (size[0] // shrink) * (size[1] // shrink)
+        cells = (size[0] // LEAST_SIDE) * (size[1] // LEAST_SIDE)
         self.embed = nn.Sequential(nn.Flatten(), *_perceptron(PAPER_DIRECTION_WIDTHS[-1] * cells, EMBEDDING_WIDTHS))
         self.score = nn.Sequential(*_perceptron(EMBEDDING_WIDTHS[-1], SCORE_WIDTHS)[:-1])  # the last are logits
 

@@ -24,7 +24,14 @@ from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Observation
 from busybot.interact.affordance.fast import AffordanceModel, AffordanceView
 from busybot.interact.affordance.inputs import LOWEST, Pinhole, colour_features, unit
-from busybot.interact.affordance.networks import SIZE, Kind, PaperDirectionNet, Size, make_paper_network
+from busybot.interact.affordance.networks import (
+    LEAST_SIDE,
+    SIZE,
+    Kind,
+    PaperDirectionNet,
+    Size,
+    make_paper_network,
+)
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
 from busybot.training.device import exactly, keep_memory, mixed, slices
@@ -118,7 +125,7 @@ def size_in(tensors: dict[str, Tensor]) -> Size:
     """Rows and columns of the pictures that a stranger's weights are for, as those of the direction network tell.
 
     Raises:
-        BusybotError: no picture has that size.
+        BusybotError: no picture has that size, or it is too small for the networks.
     """
     size = tensors.get("size")
     if size is None or size.shape != (2,):  # where it should be there, who compares the weights tells it
@@ -126,7 +133,15 @@ def size_in(tensors: dict[str, Tensor]) -> Size:
     sides = size.tolist()
     if size.dtype != torch.int64 or min(sides) < 1 or prod(sides) > MAX_IMAGE_PIXELS:
         raise BusybotError(f"size is {sides}, rows and columns that no picture has", "copy the model again")
+    refuse_small((sides[0], sides[1]))
     return sides[0], sides[1]
+
+
+def refuse_small(size: Size) -> None:
+    """Refuse pictures of so few rows or columns that the direction network sees nothing of them."""
+    if min(size) < LEAST_SIDE:
+        what = f"pictures of {size[1]} x {size[0]} pixels: networks of the `paper` variant need {LEAST_SIDE} a side"
+        raise BusybotError(what, "--set render.width and render.height, or the variant `fast`")
 
 
 class PaperModel(AffordanceModel):

@@ -21,7 +21,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from busybot.common.frozen_model import FrozenModel
-from busybot.interact.affordance.networks import CROP, KINDS, Kind, Networks
+from busybot.interact.affordance.networks import CROP, KINDS, LEAST_SIDE, Kind, Networks
 from busybot.interact.policy.config import Inputs, Share
 from busybot.interact.policy.exploration import ExplorationConfig
 from busybot.interact.policy.paper import PaperRules
@@ -303,6 +303,12 @@ class PaperConfig(RecordConfig):
     def _in_order(self) -> "PaperConfig":
         if not self.random_epochs <= self.all_directions_epochs <= self.joint_epochs:
             raise ValueError("random_epochs, all_directions_epochs and joint_epochs must not fall")
+        return self
+
+    @model_validator(mode="after")
+    def _large_enough(self) -> "PaperConfig":
+        if min(self.render.width, self.render.height) < LEAST_SIDE:  # the direction network is asked epochs later
+            raise ValueError(f"render: networks of the paper variant need pictures of {LEAST_SIDE} pixels a side")
         return self
 
     def learn(self, kind: Kind) -> LearnConfig:

@@ -38,7 +38,14 @@ from busybot.datasets.dataset import Dataset
 from busybot.episodes.mcap.reader import read_episode
 from busybot.interact.affordance.inputs import Pinhole, colour_features
 from busybot.interact.affordance.networks import KINDS, Kind, Size, make_paper_network
-from busybot.interact.affordance.paper import PAPER_POLICY, PAPER_PRIOR, PaperModel, depth_and_normals, with_positions
+from busybot.interact.affordance.paper import (
+    PAPER_POLICY,
+    PAPER_PRIOR,
+    PaperModel,
+    depth_and_normals,
+    refuse_small,
+    with_positions,
+)
 from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.policy_factory import ExplorePolicyFactory
 from busybot.interact.training.config import PaperConfig
@@ -181,7 +188,7 @@ class PaperTraining:
         self.out, self.config, self.recorder, self.given = out, config, recorder, datasets
         self.datasets: list[Dataset] = []
         self.caches: dict[int, Path] = {}
-        self.steps: dict[int, int] = {}
+        self.collected: dict[int, dict[str, int]] = {}
         self.learners: dict[Kind, PaperAffordanceLearner] = {}
 
     def run(self) -> PaperModel:
@@ -210,11 +217,17 @@ class PaperTraining:
                 camera = read_episode(first.episode_path(min(first.finished())), "lazy").camera
                 self.begin((camera.height, camera.width))
             self._train(epoch)
-            if (epoch + 1) % PLOT_EVERY == 0 or epoch + 1 == self.config.epochs:
+            gone_by = any(learner.epoch > epoch for learner in self.learners.values())  # told of before an interruption
+            if ((epoch + 1) % PLOT_EVERY == 0 and not gone_by) or epoch + 1 == self.config.epochs:
                 self._report()
 
     def begin(self, size: Size) -> None:
-        """New networks for pictures of this size, or those of the last checkpoints."""
+        """New networks for pictures of this size, or those of the last checkpoints.
+
+        Raises:
+            BusybotError: they are too small: recordings may come from elsewhere.
+        """
+        refuse_small(size)
         keep_memory(LEARNING_BYTES)
         seed = self.recorder.seed
         self.learners = {kind: PaperAffordanceLearner(self.out, self.config, seed, kind, size) for kind in KINDS}
@@ -247,7 +260,7 @@ class PaperTraining:
         config, folder, first, steps = self.config, self.out / "cache", epoch + 1, 0
         while first and steps < config.buffer:
             first -= 1
-            steps += self._steps(first)
+            steps += self._collected(first)["steps"]
         self.caches = {
             number: self.caches.get(number) or cache_samples(self.datasets[number], folder, config.inputs, whole=True)
             for number in range(first, epoch + 1)
@@ -256,11 +269,14 @@ class PaperTraining:
             remove(left, self.out)
         return open_samples(list(self.caches.values()), config.inputs, config.buffer, whole=True)
 
-    def _steps(self, epoch: int) -> int:
-        """How many were recorded in an epoch: fewer than its episodes may have, where some ended early."""
-        if epoch not in self.steps:
-            self.steps[epoch] = _collected(self.datasets[epoch])["steps"]
-        return self.steps[epoch]
+    def _collected(self, epoch: int) -> dict[str, int]:
+        """What was recorded in an epoch: fewer steps than its episodes may have, where some ended early."""
+        if epoch not in self.collected:
+            dataset = self.datasets[epoch]
+            rewards = dataset.table("steps", ["reward"]).column("reward").to_pylist()
+            told = {"boards": dataset.info.boards, "steps": len(rewards), "rewarded": int(sum(rewards))}
+            self.collected[epoch] = told
+        return self.collected[epoch]
 
     def _model(self, training: dict[str, Any]) -> PaperModel:
         config = self.config
@@ -276,16 +292,16 @@ class PaperTraining:
     def _origin(self) -> dict[str, Any]:
         """What was learnt from: totals, and a hash over the contents of all epochs in their order."""
         content = hashlib.sha256("".join(dataset.hashes().content for dataset in self.datasets).encode())
-        epochs = [_collected(dataset) for dataset in self.datasets]
+        epochs = [self._collected(epoch) for epoch in range(len(self.datasets))]
         totals = {name: sum(epoch[name] for epoch in epochs) for name in ("boards", "steps", "rewarded")}
         return {"epochs": len(epochs), "content_sha256": content.hexdigest(), **totals}
 
     def _report(self) -> None:
         """Bring the metrics of the epochs and the picture up to date."""
         lines = []
-        for epoch, dataset in enumerate(self.datasets):
+        for epoch in range(len(self.datasets)):
             epsilons = {f"epsilon_{kind}": self.config.epsilon(kind, epoch) for kind in KINDS}
-            lines.append({"epoch": epoch, **_collected(dataset), **epsilons})
+            lines.append({"epoch": epoch, **self._collected(epoch), **epsilons})
         text = "".join(json.dumps(line, sort_keys=True) + "\n" for line in lines)
         write_atomically(self.out / "metrics" / "epochs.jsonl", text.encode(), self.out)
         draw_training(self.out, "half-positive batches", lambda kind, _: _epochs_panel(kind, lines))
@@ -297,8 +313,3 @@ def _epochs_panel(kind: Kind, epochs: Lines) -> Panel:
     by_chance = [(line["epoch"], line[f"epsilon_{kind}"]) for line in epochs]
     curves = {"actions with reward": rewarded, f"random {kind}s": by_chance}
     return Panel("share of an epoch's actions", curves, along="epoch", shares=True)
-
-
-def _collected(dataset: Dataset) -> dict[str, int]:
-    rewards = dataset.table("steps", ["reward"]).column("reward").to_pylist()
-    return {"boards": dataset.info.boards, "steps": len(rewards), "rewarded": int(sum(rewards))}

@@ -169,10 +169,12 @@ def _labels(episode: Episode) -> dict[str, np.ndarray]:
     """What was done in each step and what came of it, by `COLUMNS`."""
     images, steps = episode.images, episode.steps
     assert isinstance(images, LazyImages)
+    # an imported action may tell nothing but what was proposed
+    tried = [step.executed or (step.direction,) for step in steps]
     executed = np.zeros((len(steps), len(DIRECTIONS)), bool)
-    for row, step in enumerate(steps):
-        executed[row, list(step.executed)] = True
-    worked = [step.executed[-1] if step.reward and step.executed else -1 for step in steps]
+    for row, directions in enumerate(tried):
+        executed[row, list(directions)] = True
+    worked = [directions[-1] if step.reward else -1 for step, directions in zip(steps, tried, strict=True)]
     scale = np.array([images.depth_scale.offset, images.depth_scale.scale], np.float32)
     return {
         "pixels": np.array([step.pixel for step in steps], np.int32).reshape(-1, 2),

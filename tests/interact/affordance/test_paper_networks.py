@@ -11,7 +11,13 @@ from torch import nn
 
 from busybot.common.rng import generator
 from busybot.interact.affordance.inputs import Pinhole
-from busybot.interact.affordance.networks import KINDS, PaperDirectionNet, PaperPositionNet, make_paper_network
+from busybot.interact.affordance.networks import (
+    KINDS,
+    LEAST_SIDE,
+    PaperDirectionNet,
+    PaperPositionNet,
+    make_paper_network,
+)
 from busybot.interact.affordance.paper import PaperModel, depth_and_normals, with_positions
 from busybot.interact.policy.config import AffordanceInfo, Inputs
 from busybot.models import verify
@@ -175,3 +181,12 @@ def test_weights_for_pictures_that_cannot_be_are_refused_by_their_file(size: tor
     PaperModel(AffordanceInfo(variant="paper"), networks).save(tmp_path / "m")
     verdict = verify(tmp_path / "m")
     assert not verdict.loads and re.match(r".*direction\.safetensors: size is \[.*no picture has", verdict.problems[0])
+
+
+def test_the_smallest_pictures_leave_the_direction_network_a_cell(tmp_path: Path) -> None:
+    smallest = make_paper_network("direction", "depth", (LEAST_SIDE, LEAST_SIDE))
+    assert smallest(torch.zeros(2, 5, LEAST_SIDE, LEAST_SIDE)).shape == (2, 18)
+    networks = {kind: make_paper_network(kind, "depth", (LEAST_SIDE, LEAST_SIDE)) for kind in KINDS}
+    networks["direction"].register_buffer("size", torch.tensor([LEAST_SIDE - 1, LEAST_SIDE]))
+    PaperModel(AffordanceInfo(variant="paper"), networks).save(tmp_path / "m")
+    assert "pictures of 64 x 63 pixels" in verify(tmp_path / "m").problems[0]

@@ -61,7 +61,11 @@ def test_some_values_of_a_network_can_be_set() -> None:
     config = build(PaperConfig, None, ["position.batch=4", "epochs=3"], {"variant": "paper"})
     assert (config.position.batch, config.position.iterations, config.epochs) == (4, 8, 3)
     assert config.direction == PAPER.direction
-    for setting, word in (("joint_epochs=50", "must not fall"), ("position.batch=5", "multiple of 2")):
+    for setting, word in (
+        ("joint_epochs=50", "must not fall"),
+        ("position.batch=5", "multiple of 2"),
+        ("render.height=63", "pictures of 64 pixels a side"),
+    ):
         with pytest.raises(BusybotError, match=word):
             build(PaperConfig, None, [setting], {})
 

@@ -23,6 +23,7 @@ from busybot.interact.policy.direction_pairs import NOT_ELEVATED, sigmoid
 from busybot.interact.policy.learned import LearnedPolicy, mode_named, policy_name
 from busybot.interact.policy.paper import PaperPolicy
 from busybot.interact.policy.policy_factory import LearnedPolicyFactory, usual_mode
+from busybot.interact.training import paper
 from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.paper import PaperAffordanceLearner, PaperTraining
 from busybot.interact.training.round_recorder import Recorder, RoundProgress
@@ -93,6 +94,18 @@ def test_only_what_is_in_the_buffer_stays_cached(trained: Path, recorded: Path) 
     samples = run.buffer(3)
     assert len(samples) == 20 and samples.first == 22
     assert list(np.bincount(samples.dataset)) == [2, 18]
+
+
+@pytest.mark.long
+def test_going_on_tells_of_no_epoch_again_that_was_told(
+    trained: Path, recorded: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of hundreds of epochs that takes minutes, and until it is done fewer of them are told."""
+    told: list[int] = []
+    monkeypatch.setattr(paper, "PLOT_EVERY", 1)
+    monkeypatch.setattr(PaperTraining, "_report", lambda self: told.append(len(self.datasets)))
+    training(trained, recorded).run()
+    assert told == [4]
 
 
 def test_the_buffer_is_as_full_as_it_can_be_where_episodes_ended_early(tmp_path: Path) -> None:
@@ -221,6 +234,11 @@ def test_weights_of_former_versions_are_refused(trained: Path, tmp_path: Path) -
     write_info(tmp_path / "model", card, [file])
     with pytest.raises(BusybotError, match="as its networks were before"):
         load_model(tmp_path)
+
+
+def test_recorded_pictures_that_are_too_small_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BusybotError, match="pictures of 160 x 48 pixels: .* need 64 a side"):
+        training(tmp_path / "run").begin((48, 160))
 
 
 def test_as_many_datasets_as_epochs(recorded: Path, tmp_path: Path) -> None:

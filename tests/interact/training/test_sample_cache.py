@@ -61,6 +61,18 @@ def test_failed_directions_of_a_rewarded_action_are_negative_labels(tmp_path: Pa
     assert labels[0, worked] and known.sum() == len(tried) + 1
 
 
+def test_where_nobody_says_what_was_executed_it_was_the_proposed_direction(tmp_path: Path) -> None:
+    """An imported table may say so; a reward was learned as none, and the paper's loss of the other was no number."""
+    dataset = make_dataset(tmp_path / "toys", boards=1, finished=[0])
+    episode = read_episode(dataset.episode_path(0))
+    episode.steps = [replace(step, executed=()) for step in episode.steps]
+    write_episode(dataset.episode_path(0), episode)
+    samples = open_samples([cache_samples(dataset, tmp_path, "depth")], "depth", 1000)
+    assert {step.reward for step in episode.steps} == {0, 1}
+    assert list(samples.worked) == [step.direction if step.reward else -1 for step in episode.steps]
+    assert [list(np.flatnonzero(row)) for row in samples.executed] == [[step.direction] for step in episode.steps]
+
+
 def test_actions_of_which_nobody_says_where_are_not_learned_from(tmp_path: Path) -> None:
     dataset = make_dataset(tmp_path / "toys", boards=1, finished=[0])
     episode = read_episode(dataset.episode_path(0))

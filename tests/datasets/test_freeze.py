@@ -297,6 +297,24 @@ def test_objects_of_unknown_origin_need_a_stated_licence(
     assert not (without.path / "objects").exists()
 
 
+@pytest.mark.parametrize("name", ["old\\notes.txt", "a\nb.txt"])
+def test_objects_with_files_that_no_manifest_can_tell_are_not_carried(
+    tmp_path: Path, few_objects: Callable[[int], Path], empty_collection: None, name: str
+) -> None:
+    """Else the dataset would be frozen by a manifest that nobody can read."""
+    shutil.copytree(few_objects(5), tmp_path / "objects")
+    for urdf in list((tmp_path / "objects").rglob("mobility.urdf")):
+        (urdf.parent / name).touch()
+    library = Library.load(tmp_path / "objects")
+    dataset = drawn(tmp_path / "d", library)
+    with pytest.raises(BusybotError, match="a file is called") as error:
+        freeze(dataset.path, library, licence="CC-BY-4.0")
+    assert "rename it" in str(error.value.hint) and not is_frozen(dataset.path)
+    assert not (dataset.path / "objects").exists()
+    freeze(dataset.path, library, carry=False)
+    assert read_manifest(dataset.path).licence is None
+
+
 def test_objects_that_an_interrupted_freeze_left_behind_are_no_library(tmp_path: Path) -> None:
     """The split file is written last; until then the objects are looked for where they were before."""
     library = find("procedural")

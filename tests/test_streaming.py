@@ -180,6 +180,7 @@ def test_nothing_is_written_and_nothing_else_is_read(store: fsspec.AbstractFileS
         ("memory://nothing", "there is no such folder"),
         ("memory://bucket/d/dataset.json", "is a file"),
         ("gopher://me:secret@host/d", "gopher://host/d: .*not known"),
+        ("s3://me:secret@[bucket/d", r"^s3://\[bucket/d: Invalid IPv6 URL"),
         ("gopher://me:half@secret@host/d", "gopher://host/d: .*not known"),
     ],
 )

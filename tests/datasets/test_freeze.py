@@ -128,10 +128,11 @@ def test_unfinished_and_damaged_datasets_are_refused(tmp_path: Path) -> None:
         with pytest.raises(BusybotError, match=text) as error:
             freeze(path, None)
         assert "busybot collect" in str(error.value.hint) and not is_frozen(path)
-    dataset = make_dataset(tmp_path / "damaged", boards=2, finished=range(2))
+    dataset = make_dataset(tmp_path / "damaged one", boards=2, finished=range(2))
     dataset.episode_path(1).write_bytes(dataset.episode_path(1).read_bytes()[:-9])
-    with pytest.raises(BusybotError, match=r"000001\.mcap"):
+    with pytest.raises(BusybotError, match=r"000001\.mcap") as error:
         freeze(dataset.path, None)
+    assert f"busybot dataset repair '{dataset.path}'" in str(error.value.hint)
     assert not is_frozen(dataset.path)
 
 

@@ -27,7 +27,7 @@ MAX_MANIFEST_BYTES = 512 << 20
 FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
 NOT_PLAIN = "neither a file nor a folder but a link or device"
-HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
+HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair DATASET --out DIR` saves what it can"
 
 _SPDX = re.compile(r"[A-Za-z0-9.+-]+")
 _FILE_NAME = re.compile(r"(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*")

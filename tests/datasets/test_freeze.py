@@ -86,6 +86,8 @@ def test_what_is_missing_changed_or_added_is_named(dataset: Dataset) -> None:
     assert "the manifest says" in found["tables/steps/part-00000.parquet"]
     assert found["dataset.json"] == "its content changed after freezing: another SHA-256 than the manifest's"
     assert "notes.txt" in found
+    hints = [problem.hint for problem in verify(dataset.path).problems if problem.file.endswith("part-00000.parquet")]
+    assert len(hints) == 2 and all("repair DATASET --out DIR" in hint for hint in hints)
 
 
 def test_a_manifest_with_other_hashes_is_noticed(dataset: Dataset) -> None:

@@ -59,7 +59,7 @@ def read_table(file: Path, model: type[AnyRow], hint: str, may_be_empty: bool = 
         BusybotError: naming file and line, if there is none or are too many, one does not fit the model, or it has
             more cells than there are names; or a column that is read has a name twice.
     """
-    rows = []
+    rows: list[AnyRow] = []
     text = read_text(file, MAX_JSON_BYTES, hint).removeprefix("\ufeff")  # which spreadsheets write
     lines = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:

@@ -8,13 +8,13 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, ValidationError, field_validator
 
 from busybot.common.atomic_io import inside, scan, sha256_of
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.common.frozen_model import FrozenModel, Values, first_fault
 from busybot.common.process_pool import share
 from busybot.datasets.info import CollectInfo, GeneratorInfo, Seed, Version, read_description
 from busybot.episodes.digests import Digests, Sha256
@@ -62,8 +62,8 @@ class Origin(FrozenModel):
         versions: of the packages that recorded them.
     """
 
-    renderer: dict[str, Any]
-    versions: dict[str, Any]
+    renderer: Values
+    versions: Values
     episodes: Annotated[int, Field(ge=1)]
 
 

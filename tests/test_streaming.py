@@ -1,8 +1,10 @@
 """Datasets at an address: the same as in a folder, read only, by ranges, and nothing outside them."""
 
 import json
+import struct
 import sys
 import threading
+import zlib
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -11,15 +13,18 @@ from pathlib import Path
 import fsspec
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from torch.utils.data import DataLoader
 
 import busybot
 from benchmarks.reliability.s3 import BUCKET, CREDENTIALS, serving
 from busybot.cli.main import app
 from busybot.common.errors import BusybotError
+from busybot.common.limits import Budget
 from busybot.common.remote import RemotePath
 from busybot.episodes.mcap import pictures, ranges, writer
 from busybot.episodes.mcap.pictures import Kept
+from busybot.episodes.mcap.records import FOOTER, each_record
 from busybot.episodes.mcap.writer import write_episode
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
@@ -140,6 +145,20 @@ def test_of_a_long_recording_one_chunk_is_read(
         pictures.PictureFile(long.episode_path(1)).holding("/camera/rgb", 99)
 
 
+def test_an_index_that_names_its_metadata_again_and_again_is_a_few_requests(
+    long: busybot.Dataset, store: fsspec.AbstractFileSystem, read: list[tuple[str, int]]
+) -> None:
+    place = "/bucket/d/episodes/000000.mcap"
+    data = store.cat_file(place)
+    opcode, length, start, _, _, magic = FOOTER.unpack(data[-FOOTER.size :])
+    summary = data[start : -FOOTER.size]
+    kinds = {kind: summary[at : at + 9 + len(body)] for at, kind, body, _ in each_record(summary, Budget())}
+    summary = kinds[Opcode.METADATA_INDEX] * 500 + summary + struct.pack("<BQQQ", opcode, length, start, 0)
+    store.pipe_file(place, data[:start] + summary + struct.pack("<I8s", zlib.crc32(summary), magic))
+    index = ranges.read_index(RemotePath(ADDRESS) / "episodes" / "000000.mcap", store.size(place))
+    assert index.records.metadata.keys() == {"busybot"} and len(read) < 5
+
+
 def test_a_recording_of_another_time_is_refused(long: busybot.Dataset, store: fsspec.AbstractFileSystem) -> None:
     frames, place = long.frames("rgb"), "/bucket/d/episodes/000000.mcap"
     data = bytearray(store.cat_file(place))
@@ -180,6 +199,7 @@ def test_nothing_is_written_and_nothing_else_is_read(store: fsspec.AbstractFileS
         ("memory://nothing", "there is no such folder"),
         ("memory://bucket/d/dataset.json", "is a file"),
         ("gopher://me:secret@host/d", "gopher://host/d: .*not known"),
+        ("s3://me:secret@[bucket/d", r"^s3://\[bucket/d: Invalid IPv6 URL"),
         ("gopher://me:half@secret@host/d", "gopher://host/d: .*not known"),
     ],
 )

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, Values
 
 SCHEMA_VERSION = "1.0"
 """Of the paper's boards."""
@@ -95,7 +95,7 @@ class Relation(FrozenModel):
     responder: Index
     stage: Literal["single", "multi"]
     states: Annotated[tuple[Annotated[int, Field(ge=0, le=15)], ...], Field(max_length=256)]
-    parameters: dict[str, Any] = {}
+    parameters: Values = {}
 
 
 class Lock(FrozenModel):

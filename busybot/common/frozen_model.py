@@ -1,6 +1,25 @@
 """The base of configurations and of what files hold: values that stay as they are, and no others than those named."""
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
+
+DEEPEST = 100
+"""Levels of free values; more than 255 could be read, but never be written again."""
+
+
+def _shallow(values: dict[str, Any]) -> dict[str, Any]:
+    level: list[Any] = [values]
+    for _ in range(DEEPEST):
+        inner = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [one for each in inner for one in each if isinstance(one, dict | list | tuple)]
+        if not level:
+            return values
+    raise ValueError(f"it has more than {DEEPEST} levels of values in values")
+
+
+Values = Annotated[dict[str, Any], AfterValidator(_shallow)]
+"""Values of any kind by name, that JSON can tell."""
 
 
 class FrozenModel(BaseModel):

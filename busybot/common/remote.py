@@ -167,11 +167,14 @@ def place_of(address: str | Path, options: Mapping[str, Any] | None = None) -> P
         options: for the file system of an address.
 
     Raises:
-        BusybotError: it is of another machine, or its file system cannot be reached.
+        BusybotError: it is no address, of another machine, or its file system cannot be reached.
     """
     if not isinstance(address, str) or SCHEME.match(address) is None:
         return Path(address)
-    parts = urlsplit(address)
+    try:
+        parts = urlsplit(address)
+    except ValueError as error:  # of a bracket that stays open
+        raise BusybotError(f"{RemotePath(address)}: {error}", "check the address") from None
     if parts.scheme in ("file", "local"):
         if parts.netloc not in ("", "localhost"):
             raise BusybotError(f"{address}: a folder of another machine", "write file:///PATH for one of this machine")

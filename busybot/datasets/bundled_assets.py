@@ -22,7 +22,7 @@ from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
 from busybot.datasets.create import drawn_again
 from busybot.datasets.dataset import INFO_FILE, OBJECTS_FOLDER, Dataset
-from busybot.datasets.manifest import AssetEntry, is_frozen
+from busybot.datasets.manifest import AssetEntry, is_frozen, is_plain_path
 from busybot.objects.library import LISTS, OTHER, SPLIT_FILE, Library
 from busybot.objects.license import Licence, licences
 from busybot.objects.model import ObjectModel
@@ -149,7 +149,12 @@ def _files(pool: dict[str, ObjectModel], library: Library) -> dict[str, bytes]:
         snapshot = read_snapshot(model.folder)
         if snapshot.sha256 != model.sha256:
             raise BusybotError(f"{model.folder}: changed while it was read", "try again when nothing writes to it")
-        files |= {f"{OBJECTS_FOLDER}/{key}/{name}": data for name, data in snapshot.files.items()}
+        for name, data in snapshot.files.items():
+            place = f"{OBJECTS_FOLDER}/{key}/{name}"
+            if not is_plain_path(place):  # a manifest that lists it could never be read
+                what = f"{model.folder}: a file is called {name[:80]!r}, which no manifest can tell"
+                raise BusybotError(what, "rename it without backslashes and control characters, or give --no-objects")
+            files[place] = data
     lists: dict[str, dict[str, list[str]]] = {}
     for split, name in LISTS.items():
         for key, weight in library.splits.get(split, {}).items():

@@ -1,16 +1,18 @@
 """Compares two datasets: their descriptions, then boards, actions, states and images."""
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from busybot.common.atomic_io import parse_json
 from busybot.common.config import changes, flat
+from busybot.common.errors import BusybotError
 from busybot.common.process_pool import share
 from busybot.datasets.dataset import Dataset
 from busybot.episodes.episode_diff import Difference, compare_episodes
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.tables import EPISODES_PER_SHARD, HINT_TABLES
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def diff(
         only_in_b=sorted(rows[1].keys() - rows[0].keys()),
     )
     for index in both:
-        for name in _versions(rows[0][index], rows[1][index]):
+        for name in _versions(datasets, (rows[0][index], rows[1][index])):
             found.versions.setdefault(name, []).append(index)
     unlike = [i for i in both if any(rows[0][i][key] != rows[1][i][key] for key in ("board_digest", "content_digest"))]
     pairs = [(datasets[0].episode_path(i), datasets[1].episode_path(i)) for i in unlike]
@@ -82,11 +84,24 @@ def diff(
     return found
 
 
-def _versions(first: dict[str, Any], second: dict[str, Any]) -> Iterator[str]:
-    if first["schema_version"] != second["schema_version"]:
+def _versions(datasets: Sequence[Dataset], rows: Sequence[dict[str, Any]]) -> Iterator[str]:
+    if rows[0]["schema_version"] != rows[1]["schema_version"]:
         yield "schema_version"
     for column in ("versions", "renderer", "settings"):
-        yield from changes(*(flat(json.loads(row[column]), f"{column}.") for row in (first, second)))
+        told = [flat(_told(*pair, column), f"{column}.") for pair in zip(datasets, rows, strict=True)]
+        yield from changes(*told)
+
+
+def _told(dataset: Dataset, row: dict[str, Any], column: str) -> dict[str, Any]:
+    """What a row of table `episodes` tells in a column as JSON; whoever wrote the table may have put anything there."""
+    try:
+        told = parse_json(row[column])
+    except (ValueError, RecursionError):
+        told = None
+    if not isinstance(told, dict):
+        file = dataset.table_path("episodes", row["episode"] // EPISODES_PER_SHARD)
+        raise BusybotError(f"{file}: episode {row['episode']}: {column} is no object of JSON", HINT_TABLES)
+    return told
 
 
 def _compare(pair: tuple[Path, Path]) -> Difference:

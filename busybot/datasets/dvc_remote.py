@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -92,7 +93,9 @@ def push(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
         BusybotError: the dataset is not frozen or was changed since, DVC is missing, or the storage refuses.
     """
     if not is_frozen(dataset):
-        raise BusybotError(f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {dataset}")
+        raise BusybotError(
+            f"{dataset}: only frozen datasets are shared", f"busybot dataset freeze {shlex.quote(str(dataset))}"
+        )
     plain_files(dataset)  # DVC would send what a link leads to
     _must_be_whole(dataset)
     place = _folder_of(dataset)
@@ -289,10 +292,13 @@ def address(remote: str) -> str:
     """What DVC gets to know: folders in full, other addresses as they are.
 
     Raises:
-        BusybotError: the address holds a password, which everybody could read in the list of processes, or is a folder
-            that DVC cannot name.
+        BusybotError: the address is none, or holds a password, which everybody could read in the list of processes, or
+            is a folder that DVC cannot name.
     """
-    parts = urlsplit(remote)
+    try:
+        parts = urlsplit(remote)
+    except ValueError as error:
+        raise BusybotError(f"the address of the remote: {error}", "check it, as s3://bucket/path") from None
     if parts.password is not None:
         raise BusybotError(
             "the address of the remote holds a password", "give it in the environment, as AWS_SECRET_ACCESS_KEY"

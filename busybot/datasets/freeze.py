@@ -6,6 +6,7 @@ or frozen and perhaps not yet read-only. Freezing it again continues.
 """
 
 import json
+import shlex
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -200,7 +201,8 @@ def freeze(
         if not report.ok:
             first = report.problems[0]
             what = f"{path}: {len(report.problems)} problems, first {first.file}: {first.what}"
-            raise BusybotError(what, f"`busybot dataset repair {path}`, then `busybot dataset verify {path}`")
+            place = shlex.quote(str(path))
+            raise BusybotError(what, f"`busybot dataset repair {place}`, then `busybot dataset verify {place}`")
         manifest = _write_manifest(dataset, assets, workers)
         _finish(path)
     return Frozen(manifest, assets.left_out)

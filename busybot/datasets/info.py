@@ -11,7 +11,7 @@ from pydantic import Field
 from busybot.boards.spec import IMPORTED
 from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, Values
 from busybot.common.limits import MAX_JSON_BYTES
 from busybot.episodes.digests import Sha256
 from busybot.episodes.schema import SCHEMA_VERSION
@@ -31,7 +31,7 @@ class GeneratorInfo(FrozenModel):
     """
 
     version: str
-    config: dict[str, Any] = {}
+    config: Values = {}
 
     @property
     def imported(self) -> bool:
@@ -71,7 +71,7 @@ class CollectInfo(FrozenModel):
     strict: bool = False
     delta: Annotated[int, Field(ge=0)] = 500
     seed: Seed = 0
-    settings: dict[str, Any] = {}
+    settings: Values = {}
 
     def group(self, name: str) -> dict[str, Any]:
         """A group of the settings; empty where there is none, for anybody may have written the file."""

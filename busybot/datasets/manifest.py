@@ -8,13 +8,13 @@ import re
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field, ValidationError, field_validator
 
 from busybot.common.atomic_io import inside, scan, sha256_of
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel, first_fault
+from busybot.common.frozen_model import FrozenModel, Values, first_fault
 from busybot.common.process_pool import share
 from busybot.datasets.info import CollectInfo, GeneratorInfo, Seed, Version, read_description
 from busybot.episodes.digests import Digests, Sha256
@@ -27,7 +27,7 @@ MAX_MANIFEST_BYTES = 512 << 20
 FILES_AT_ONCE = 500
 """That a worker hashes before it answers: small files take less time than an answer."""
 NOT_PLAIN = "neither a file nor a folder but a link or device"
-HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair --out DIR` saves what can be saved"
+HINT_FETCH = "fetch the dataset again from where it came; `busybot dataset repair DATASET --out DIR` saves what it can"
 
 _SPDX = re.compile(r"[A-Za-z0-9.+-]+")
 _FILE_NAME = re.compile(r"(?!\.\.?(/|$))[^/\\\x00-\x1f]+(/(?!\.\.?(/|$))[^/\\\x00-\x1f]+)*")
@@ -62,8 +62,8 @@ class Origin(FrozenModel):
         versions: of the packages that recorded them.
     """
 
-    renderer: dict[str, Any]
-    versions: dict[str, Any]
+    renderer: Values
+    versions: Values
     episodes: Annotated[int, Field(ge=1)]
 
 

@@ -15,9 +15,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any, Literal
 
-from busybot.common.atomic_io import copy_file, inside, read_regular, remove, write_atomically
+from busybot.common.atomic_io import copy_file, inside, read_regular, remove, sha256_of, write_atomically
 from busybot.common.errors import BusybotError, without_name
-from busybot.common.limits import MAX_HASHED_BYTES, MAX_RECORDING_BYTES
+from busybot.common.limits import MAX_RECORDING_BYTES
 from busybot.common.process_pool import share
 from busybot.datasets.create import continue_or_create
 from busybot.datasets.dataset import DAMAGED_FOLDER, OBJECTS_FOLDER, Dataset
@@ -270,11 +270,12 @@ def _bytes_of(file: Path, found: _Examined) -> bytes:
 
 
 def _keep(folder: Path, file: Path) -> None:
-    """A copy in `damaged`, under the first name that is free or holds the same bytes."""
-    data = read_regular(file, MAX_HASHED_BYTES)
+    """A copy in `damaged`, under the first name that is free or holds the same bytes; what is damaged may be of any
+    size, and never lies in memory."""
+    digest = sha256_of(file)
     for number in count():
         place = inside(folder, f"{DAMAGED_FOLDER}/{file.name}{f'.{number}' if number else ''}")
         if not place.exists():
-            write_atomically(place, data, folder)
-        if read_regular(place, MAX_HASHED_BYTES) == data:
+            copy_file(file, place, folder)
+        if sha256_of(place) == digest:
             return

@@ -180,21 +180,22 @@ def _problem_in(folder: Path, error: BusybotError, hint: str) -> Problem:
 
 def _episodes(dataset: Dataset, digests: dict[int, str], workers: int, progress: Progress | None) -> Iterator[Problem]:
     """Read every episode, and compare the tables with what they should hold, one shard after the other."""
-    finished, done = dataset.finished_by_shard(), 0
-    again = HINT_FETCH if is_frozen(dataset.path) else collect_command(dataset.path, dataset.info)
+    finished, done, frozen = dataset.finished_by_shard(), 0, is_frozen(dataset.path)
+    again = HINT_FETCH if frozen else collect_command(dataset.path, dataset.info)
+    damaged, tables = (HINT_FETCH, HINT_FETCH) if frozen else (HINT_EPISODE, HINT_TABLES)
     tasks = [(index, digests.get(index)) for indices in finished.values() for index in indices]
     checked = share(partial(_check_episode, Dataset(dataset.path, dataset.info)), tasks, workers)
     for shard in sorted(finished.keys() | {shard for name in TABLES for shard in dataset.stored_shards(name)}):
         files = {index: dataset.episode_path(index) for index in finished.get(shard, ())}
         rows: dict[int, Rows] = {}
         for (index, file), (found, faults) in zip(files.items(), islice(checked, len(files)), strict=True):
-            yield from (Problem(str(file), fault, HINT_EPISODE) for fault in faults)
+            yield from (Problem(str(file), fault, damaged) for fault in faults)
             if found is not None:
                 rows[index] = found
             done += 1
             if progress is not None:
                 progress(done, len(tasks))
-        yield from _tables(dataset, shard, rows, set(files), again)
+        yield from _tables(dataset, shard, rows, set(files), again, tables)
 
 
 def _check_episode(dataset: Dataset, task: tuple[int, str | None]) -> tuple[Rows | None, list[str]]:
@@ -257,22 +258,23 @@ def is_partial(settings: str) -> bool:
 
 
 def _tables(
-    dataset: Dataset, shard: int, derived: dict[int, Rows], finished: set[int], again: str
+    dataset: Dataset, shard: int, derived: dict[int, Rows], finished: set[int], again: str, tables: str
 ) -> Iterator[Problem]:
     """Compare the stored rows of a shard with those that its episodes give now.
 
     Args:
         again: how an episode comes back that is not there.
+        tables: how a table is mended.
     """
     for name in TABLES:
         path = dataset.table_path(name, shard)
         if not path.exists():
-            yield Problem(str(path), f"missing; {len(finished)} episodes belong to it", HINT_TABLES)
+            yield Problem(str(path), f"missing; {len(finished)} episodes belong to it", tables)
             continue
         try:
             stored = split_by_episode(read_shard(path, name))
         except BusybotError as error:
-            yield Problem(str(path), without_name(error, path), HINT_TABLES)
+            yield Problem(str(path), without_name(error, path), tables)
             continue
         for index in sorted(finished | set(stored)):
             if index not in finished:
@@ -280,7 +282,7 @@ def _tables(
             elif index in derived:
                 fault = _difference(derived[index], stored, name, index)
                 if fault:
-                    yield Problem(str(path), fault, HINT_TABLES)
+                    yield Problem(str(path), fault, tables)
 
 
 def _difference(derived: Rows, stored: dict, name: str, index: int) -> str | None:

@@ -107,6 +107,8 @@ def test_freeze_prints_what_it_did_and_verify_looks_at_all_files(dataset: Path) 
     whole = make_dataset(dataset.with_name("whole"), finished=range(4)).path
     lost = run("freeze", whole)
     assert lost.exit_code == 1 and "--no-objects" in lost.stderr and "--assets" in lost.stderr
+    lost = run("freeze", whole, "--no-objects", "--assets", dataset.with_name("none"))
+    assert lost.exit_code == 1 and "leave --assets out" in lost.stderr and "--no-objects" not in lost.stderr
     done = run("freeze", whole, "--no-objects", "--json")
     assert done.exit_code == 0, done.stderr
     facts = json.loads(done.stdout)

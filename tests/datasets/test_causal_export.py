@@ -176,6 +176,15 @@ def test_the_card_says_what_every_column_means(few_objects: Objects, tmp_path: P
         assert fact in text, fact
 
 
+def test_the_file_of_boards_is_not_read_for_each_of_them(
+    few_objects: Objects, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset, read, original = make_world_dataset(tmp_path / "data", few_objects(0), "gates"), [], Dataset._lines
+    monkeypatch.setattr(Dataset, "_lines", lambda self, shard: (read.append(shard), original(self, shard))[1])
+    assert export_causal(dataset, library_at(few_objects(0)), tmp_path / "out").boards > 1
+    assert len(read) == 2  # for the links, and for the hashes that the card tells
+
+
 def test_words_of_a_strangers_dataset_stay_words(tmp_path: Path, few_objects: Objects) -> None:
     dataset = make_world_dataset(tmp_path / "data", few_objects(0), "gates", boards=1)
     evil = "<script>alert(1)</script> [x](http://evil) `code`\n# heading"

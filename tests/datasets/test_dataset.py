@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,6 +91,24 @@ def test_what_is_no_dataset_is_refused_with_the_reason(tmp_path: Path) -> None:
     (path / "dataset.json").write_text("{")
     with pytest.raises(BusybotError, match="not valid JSON"):
         Dataset.open(path)
+
+
+@pytest.mark.parametrize(("group", "name"), [("generator", "config"), ("collect", "settings")])
+def test_values_so_deep_that_nobody_can_write_them_are_refused(group: str, name: str, tmp_path: Path) -> None:
+    """Freezing and comparing would fall over them."""
+    path = make_dataset(tmp_path / "d").path
+    told = json.loads((path / "dataset.json").read_text())
+    for depth in (99, 100, 300):
+        value: Any = 1
+        for _ in range(depth):
+            value = [value] if depth % 2 else {"a": value}
+        told[group][name] = {"deep": value}
+        (path / "dataset.json").write_text(json.dumps(told))
+        if depth < 100:
+            assert Dataset.open(path).info.model_dump(mode="json")[group][name] == told[group][name]
+            continue
+        with pytest.raises(BusybotError, match=rf"dataset.json: {group}.{name}: it has more than 100 levels"):
+            Dataset.open(path)
 
 
 def test_damaged_boards_are_named_with_their_line(tmp_path: Path) -> None:

@@ -4,11 +4,14 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
+from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.diff import diff
 from busybot.episodes.mcap.writer import write_episode
+from busybot.episodes.tables import MADE_OF_KEY, read_shard, write_shard
 from tests.episodes.folders import make_dataset
 from tests.episodes.synthetic import make_episode
 
@@ -51,6 +54,18 @@ def test_each_kind_of_difference_is_listed_with_its_episodes(pair: tuple[Dataset
     assert set(found.episodes) == {0, 1, 3}
     assert (found.episodes[0].action, found.episodes[3].state) == (4, 4)
     assert found.episodes[1].frames[0] == 0 and found.episodes[1].image.colour > 0.1
+
+
+@pytest.mark.parametrize("told", ["x", "[]", "3", "[" * 100_000])
+def test_tables_whose_settings_are_no_settings_are_named(pair: tuple[Dataset, Dataset], told: str) -> None:
+    file = pair[1].table_path("episodes", 0)
+    rows = read_shard(file, "episodes")
+    place, field = rows.schema.get_field_index("settings"), rows.schema.field("settings")
+    others = rows.set_column(place, field, pa.array([told] * len(rows), field.type)).replace_schema_metadata(None)
+    write_shard(file, "episodes", [others], made_of=rows.schema.metadata[MADE_OF_KEY].decode())
+    with pytest.raises(BusybotError, match=r"b/tables/episodes/part-00000.parquet: episode 0: settings is no") as error:
+        diff(pair[0].path, pair[1].path)
+    assert "repair" in str(error.value.hint)
 
 
 def test_settings_and_boards_are_compared(tmp_path: Path) -> None:

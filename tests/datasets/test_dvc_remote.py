@@ -165,10 +165,10 @@ def test_another_dataset_than_the_pointer_means_is_not_taken_for_it(frozen: Path
 
 
 def test_only_frozen_datasets_are_shared(tmp_path: Path) -> None:
-    dataset = make_dataset(tmp_path / "toys", boards=1, finished=(0,))
+    dataset = make_dataset(tmp_path / "my toys", boards=1, finished=(0,))
     with pytest.raises(BusybotError, match="frozen") as error:
         push(dataset.path, str(tmp_path / "remote"))
-    assert "busybot dataset freeze" in str(error.value.hint)
+    assert error.value.hint == f"busybot dataset freeze '{dataset.path}'"
 
 
 def test_a_changed_dataset_is_not_sent(frozen: Path, tmp_path: Path) -> None:
@@ -221,3 +221,6 @@ def test_passwords_are_not_taken_from_the_command_line() -> None:
     with pytest.raises(BusybotError, match="password"):
         address("ssh://me:secret@host/path")
     assert address("s3://bucket/path") == "s3://bucket/path"
+    with pytest.raises(BusybotError, match="Invalid IPv6 URL") as error:
+        address("ssh://me:secret@[host/path")
+    assert error.value.hint and "secret" not in str(error.value)

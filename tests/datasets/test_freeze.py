@@ -86,6 +86,8 @@ def test_what_is_missing_changed_or_added_is_named(dataset: Dataset) -> None:
     assert "the manifest says" in found["tables/steps/part-00000.parquet"]
     assert found["dataset.json"] == "its content changed after freezing: another SHA-256 than the manifest's"
     assert "notes.txt" in found
+    hints = [problem.hint for problem in verify(dataset.path).problems if problem.file.endswith("part-00000.parquet")]
+    assert len(hints) == 2 and all("repair DATASET --out DIR" in hint for hint in hints)
 
 
 def test_a_manifest_with_other_hashes_is_noticed(dataset: Dataset) -> None:
@@ -128,10 +130,11 @@ def test_unfinished_and_damaged_datasets_are_refused(tmp_path: Path) -> None:
         with pytest.raises(BusybotError, match=text) as error:
             freeze(path, None)
         assert "busybot collect" in str(error.value.hint) and not is_frozen(path)
-    dataset = make_dataset(tmp_path / "damaged", boards=2, finished=range(2))
+    dataset = make_dataset(tmp_path / "damaged one", boards=2, finished=range(2))
     dataset.episode_path(1).write_bytes(dataset.episode_path(1).read_bytes()[:-9])
-    with pytest.raises(BusybotError, match=r"000001\.mcap"):
+    with pytest.raises(BusybotError, match=r"000001\.mcap") as error:
         freeze(dataset.path, None)
+    assert f"busybot dataset repair '{dataset.path}'" in str(error.value.hint)
     assert not is_frozen(dataset.path)
 
 
@@ -295,6 +298,24 @@ def test_objects_of_unknown_origin_need_a_stated_licence(
     without = drawn(tmp_path / "without", library)
     assert freeze(without.path, library, carry=False).left_out == ()
     assert not (without.path / "objects").exists()
+
+
+@pytest.mark.parametrize("name", ["old\\notes.txt", "a\nb.txt"])
+def test_objects_with_files_that_no_manifest_can_tell_are_not_carried(
+    tmp_path: Path, few_objects: Callable[[int], Path], empty_collection: None, name: str
+) -> None:
+    """Else the dataset would be frozen by a manifest that nobody can read."""
+    shutil.copytree(few_objects(5), tmp_path / "objects")
+    for urdf in list((tmp_path / "objects").rglob("mobility.urdf")):
+        (urdf.parent / name).touch()
+    library = Library.load(tmp_path / "objects")
+    dataset = drawn(tmp_path / "d", library)
+    with pytest.raises(BusybotError, match="a file is called") as error:
+        freeze(dataset.path, library, licence="CC-BY-4.0")
+    assert "rename it" in str(error.value.hint) and not is_frozen(dataset.path)
+    assert not (dataset.path / "objects").exists()
+    freeze(dataset.path, library, carry=False)
+    assert read_manifest(dataset.path).licence is None
 
 
 def test_objects_that_an_interrupted_freeze_left_behind_are_no_library(tmp_path: Path) -> None:

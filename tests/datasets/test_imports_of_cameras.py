@@ -13,6 +13,7 @@ from busybot.boards.directions import DIRECTIONS, direction_named
 from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.freeze import freeze
+from busybot.datasets.importing import csv_tables, proposals, recording
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.camera_pictures import decode_bytes
 from busybot.datasets.importing.recording import imported_info
@@ -180,6 +181,27 @@ def test_a_pixel_outside_is_named_before_boxes_are_proposed(tmp_path: Path) -> N
         import_source(folder, None, ImportOptions(proposed=True))
 
 
+def test_a_recording_that_is_too_large_is_refused_before_boxes_are_proposed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_camera_folder(tmp_path / "table", make_episode(0), relations=False)
+    (folder / "objects.csv").unlink()
+    monkeypatch.setattr(recording, "MAX_PIXELS", 6 * 160 * 120)
+    monkeypatch.setattr(proposals, "propose", lambda *_: pytest.fail("it looked at the pictures"))
+    with pytest.raises(BusybotError, match="7 pictures of 160 x 120 pixels, at most 115200 in all"):
+        import_source(folder, None, ImportOptions(proposed=True))
+
+
+def test_a_table_of_millions_of_lines_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line takes a hundred times as much memory as in its file."""
+    folder = write_camera_folder(tmp_path / "table", make_episode(0), times=True)
+    monkeypatch.setattr(csv_tables, "MOST_LINES", 6)
+    with pytest.raises(BusybotError, match=r"frames.csv: it has more than 6 lines"):
+        import_source(folder, None)
+    monkeypatch.setattr(csv_tables, "MOST_LINES", 7)
+    assert import_source(folder, None).recordings[0]["frames"] == 7
+
+
 def test_boxes_are_proposed_in_the_smallest_pictures(tmp_path: Path) -> None:
     """Where nothing changed, around what was acted on."""
     folder = tmp_path / "table"
@@ -336,6 +358,11 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str, str]] = {
         write("actions.csv", "time,u,v,direction, u\n100.5,9,9,up,12"),
         "actions.csv: its column 'u' stands there twice",
         "leave one",
+    ),
+    "a thousand objects": (
+        write("objects.csv", "name,role\n" + "".join(f"a{n},trigger\n" for n in range(1000))),
+        "objects.csv: it has 1000 objects",
+        "at most 64",
     ),
     "an open quote": (write("actions.csv", 'time,u\n"1'), "actions.csv: line", "own-recordings"),
     "no text": (lambda folder: (folder / "actions.csv").write_bytes(b"\xff\xfe\x00"), "cannot be read as text", "own"),

@@ -13,6 +13,7 @@ from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.exporting.lerobot import RGB
 from busybot.datasets.exporting.targets import export_recordings
+from busybot.datasets.importing import states
 from busybot.datasets.importing.camera_folder import ImportOptions
 from busybot.datasets.importing.sources import import_source
 from busybot.datasets.verify import verify
@@ -163,6 +164,19 @@ def test_a_log_of_states_is_joined_by_time(tmp_path: Path) -> None:
     assert result["predicted_steps"] == 3 and result["pred_a"] is not None and result["edge_r_bound"] is not None
 
 
+def test_a_log_of_millions_of_lines_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    episode = make_episode(0)
+    folder = write_camera_folder(tmp_path / "table", episode, times=True)
+    with_keys(folder)
+    rows = state_rows(episode)[0]
+    (folder / "states.jsonl").write_text(log_of(rows).replace("\n", "\r\n\n"))
+    monkeypatch.setattr(states, "MOST_LINES", len(rows))
+    assert import_source(folder, None).recordings[0]["states"]
+    monkeypatch.setattr(states, "MOST_LINES", len(rows) - 1)
+    with pytest.raises(BusybotError, match=rf"states.jsonl: it has more than {len(rows) - 1} lines"):
+        import_source(folder, None)
+
+
 def test_states_beside_pictures_in_hdf5(tmp_path: Path) -> None:
     episode = make_episode(0)
     folder, (rows, _) = folder_of(tmp_path, episode), state_rows(episode)
@@ -216,6 +230,7 @@ WRONG: dict[str, tuple[Callable[[Path], object], str]] = {
         lines(lambda told: [f'{{"ts": {n}, "device": "box", "values": [{n}, 0, 0, 0, 0]}}' for n in range(90, 110)]),
         "'box.0': 20 different values",
     ),
+    "an empty log": (lines(lambda told: [""] * 9), "objects have states, but nobody logged any"),
     "no log": (lambda folder: (folder / "states.jsonl").unlink(), "objects have states, but nobody logged any"),
     "no times": (
         lambda folder: [

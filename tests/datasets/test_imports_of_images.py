@@ -113,6 +113,17 @@ def retold(table: str, **columns: Any) -> Callable[[Path], object]:
     return changed
 
 
+def retyped(table: str, name: str, value: Any) -> Callable[[Path], object]:
+    """A column in whose cells is something else, of another type."""
+
+    def changed(folder: Path) -> None:
+        file = folder / "data" / table / PART
+        rows = pq.read_table(file)
+        pq.write_table(rows.set_column(rows.schema.get_field_index(name), name, pa.array([value] * len(rows))), file)
+
+    return changed
+
+
 def repeated(folder: Path) -> None:
     """The last recording has another row of its own."""
     file = folder / "data" / "episodes" / PART
@@ -180,6 +191,12 @@ ODD_TABLES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a recording that is told of twice": (repeated, "episodes/part-00000.parquet: episode 1 has 2 rows, and not one"),
     "a recording in two places": (retold("frames", episode=lambda v: spoilt(v, 3, 1)), "is in two places"),
     "no number": (retold("frames", episode=lambda v: spoilt(v, 0, -1)), "row 1: -1 is no number"),
+    "numbers in lists": (retyped("objects", "episode", [0]), r"row 1: \[0\] is no number"),
+    "numbers with names": (retyped("episodes", "episode", {"a": 0}), "row 1: {'a': 0} is no number"),
+    "text for pictures": (retyped("frames", "rgb", "x.png"), f"{PART}: row 1: rgb: it holds no picture"),
+    "numbers for pictures": (retyped("frames", "rgb", {"bytes": 3, "path": "x"}), "row 1: rgb: it holds no picture"),
+    "no bytes of pictures": (retyped("frames", "rgb", {"a": 3}), "frame 0: neither a PNG nor a JPEG"),
+    "a number for a goal": (retyped("episodes", "goal", 3), f"{PART}: row 1: goal: it holds no picture"),
     "no picture": (retold("frames", rgb=lambda v: spoilt(v, 8, None)), f"{PART}: row 9: rgb"),
     "a picture that is none": (
         retold("frames", rgb=lambda v: spoilt(v, 8, {"bytes": b"x", "path": "y"})),

@@ -11,6 +11,7 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 
+from busybot.common.atomic_io import read_regular
 from busybot.common.errors import BusybotError
 from busybot.common.limits import Budget
 from busybot.datasets import repair as module
@@ -227,6 +228,21 @@ def test_elsewhere_what_is_replaced_or_removed_is_kept(dataset: Dataset, tmp_pat
     assert out.episode_path(1).read_bytes() == dataset.episode_path(1).read_bytes(), "a whole one is better than a part"
 
 
+def test_a_file_of_any_size_is_kept_without_being_in_memory(dataset: Dataset, monkeypatch: pytest.MonkeyPatch) -> None:
+    huge = b"x" * 5_000_000
+    dataset.episode_path(1).write_bytes(huge)
+    read: list[int] = []
+
+    def reading(path: Path, most: int, *hint: str) -> bytes:
+        read.append(most)
+        return read_regular(path, most, *hint)
+
+    monkeypatch.setattr(module, "MAX_RECORDING_BYTES", 4_000_000)
+    monkeypatch.setattr(module, "read_regular", reading)
+    assert repair(dataset.path).damaged[0].fate == "dropped"
+    assert (dataset.path / "damaged/000001.mcap").read_bytes() == huge and max(read) == 4_000_000
+
+
 def test_parts_can_be_dropped_so_that_they_are_recorded_again(dataset: Dataset) -> None:
     done = repair(dataset.path, keep_partial=False)
     assert [v.fate for v in done.damaged] == ["dropped", "whole", "dropped"]
@@ -354,6 +370,7 @@ def test_stopped_at_any_moment_it_ends_the_same(
 
     with monkeypatch.context() as patched:
         patched.setattr(module, "write_atomically", stop)
+        patched.setattr(module, "copy_file", lambda source, path, root: stop(path, source.read_bytes(), root))
         with pytest.raises(KeyboardInterrupt):
             repair(dataset.path)
     repair(dataset.path)

@@ -124,7 +124,8 @@ def freeze(
         try:
             library = library_of(target, assets)
         except BusybotError as error:
-            raise BusybotError(error.what, f"{error.hint}; or --no-objects freezes without them") from None
+            otherwise = "--no-objects freezes without them" if objects else "leave --assets out"
+            raise BusybotError(error.what, f"{error.hint}; or {otherwise}") from None
     with episode_progress("verifying") as progress:
         done = freeze_dataset(dataset, library, objects, licence, processes(workers), progress)
     carried = sum(entry.carried for entry in done.manifest.assets.values())

@@ -138,20 +138,26 @@ def export_causal(
     episodes = dataset.episodes_table().to_pylist()
     if not episodes:
         raise BusybotError(f"{dataset.path}: no board has an episode", collect_command(dataset.path, dataset.info))
-    tasks = [(dataset.episode_path(row["episode"]), row, _links(dataset, library, row["episode"])) for row in episodes]
+    links, worlds = _boards(dataset, library, {row["episode"] for row in episodes})
+    tasks = [(dataset.episode_path(row["episode"]), row, links[row["episode"]]) for row in episodes]
     make_folder(place.parent)
     remove_abandoned(place.parent, place.name)
     with unfinished(place.parent, place.name) as folder:
         counts = _write_tables(folder, share(_rows_of, tasks, workers), len(tasks), progress)
-        worlds = sorted({dataset.board(row["episode"]).world for row in episodes})
         write_new(folder / CARD_FILE, card(dataset, episodes, worlds, counts).encode(), folder)
         refuse_taken(place)
         rename(folder, place)
     return Exported(out, len(tasks), counts)
 
 
-def _links(dataset: Dataset, library: Library, index: int) -> Links:
-    return links_of([library.get(placed.key) for placed in dataset.board(index).objects])
+def _boards(dataset: Dataset, library: Library, recorded: set[int]) -> tuple[dict[int, Links], list[str]]:
+    """Links of each recorded board, and what worlds there are; one pass, for each board alone costs a whole file."""
+    links, worlds = dict[int, Links](), set[str]()
+    for board in dataset.each_board():
+        if board.index in recorded:
+            links[board.index] = links_of([library.get(placed.key) for placed in board.objects])
+            worlds.add(board.world)
+    return links, sorted(worlds)
 
 
 def _write_tables(folder: Path, found: Iterator[Rows], boards: int, progress: Progress | None) -> dict[str, int]:

@@ -42,6 +42,7 @@ from busybot.datasets.importing.camera_pictures import (
     first_size,
 )
 from busybot.datasets.importing.csv_tables import Maybe, Pixel, Row, Text, absent, read_table
+from busybot.datasets.importing.proposals import MAX_OBJECTS
 from busybot.datasets.importing.recording import (
     BOARD,
     KnownAction,
@@ -270,7 +271,10 @@ def _objects(folder: Path, unit: float) -> tuple[list[KnownObject], list[str | N
     keys: list[str | None] = []
     found: list[KnownObject] = []
     file = inside(folder, "objects.csv")
-    for row in read_table(file, _Object, "columns are name, role, u0, v0, u1, v1"):
+    rows = read_table(file, _Object, "columns are name, role, u0, v0, u1, v1")
+    if len(rows) > MAX_OBJECTS:  # each is compared with all before it, and with a log of states
+        raise BusybotError(f"{file}: it has {len(rows)} objects", f"at most {MAX_OBJECTS} stand on a board")
+    for row in rows:
         where, name = f"{file}: line {row.line}", row.name.strip()
         if row.role.strip() not in ("trigger", "responder"):
             raise BusybotError(f"{where}: role {row.role[:40]!r}", "it is trigger or responder, one of them")

@@ -12,6 +12,9 @@ from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_JSON_BYTES
 
+MOST_LINES = 1_000_000
+"""Of a table, 1 GB of memory: a line for each picture of nine hours, 30 a second."""
+
 
 def absent(cell: Any) -> Any:
     """None for an empty cell."""
@@ -53,10 +56,10 @@ def read_table(file: Path, model: type[AnyRow], hint: str, may_be_empty: bool = 
         may_be_empty: whether names of columns alone are a table, too.
 
     Raises:
-        BusybotError: naming file and line, if there is none, one does not fit the model, or it has more cells than
-            there are names; or a column that is read has a name twice.
+        BusybotError: naming file and line, if there is none or are too many, one does not fit the model, or it has
+            more cells than there are names; or a column that is read has a name twice.
     """
-    rows = []
+    rows: list[AnyRow] = []
     text = read_text(file, MAX_JSON_BYTES, hint).removeprefix("\ufeff")  # which spreadsheets write
     lines = csv.DictReader(io.StringIO(text, newline=""), strict=True)
     try:
@@ -71,6 +74,8 @@ def read_table(file: Path, model: type[AnyRow], hint: str, may_be_empty: bool = 
                 raise BusybotError(
                     f"{file}: {what}", "write decimal points, not commas; or put texts with commas in quotes"
                 )
+            if len(rows) == MOST_LINES:
+                raise BusybotError(f"{file}: it has more than {MOST_LINES} lines", "divide the recording")
             values = {name.strip(): value for name, value in line.items() if value is not None}
             rows.append(model.model_validate(values | {"line": lines.line_num}))
     except ValidationError as error:

@@ -109,24 +109,22 @@ class RecordingRows:
         rows: list[AnyRow] = []
         own, size = islice(read_rows(part.file, columns, BATCH, part.first), part.count), 0
         for number, told in enumerate(own, start=part.first + 1):
-            size += sum(len(cell["bytes"] or b"") for name, cell in told.items() if name in pictures and cell)
-            if size > MAX_RECORDING_BYTES:
-                what = f"{self.place} has more than {MAX_RECORDING_BYTES} bytes of pictures"
-                raise BusybotError(f"{part.file}: row {number}: {what}", "export shorter recordings")
             try:
-                cells = {name: self._named(cell) if name in pictures else cell for name, cell in told.items()}
-                rows.append(model.model_validate(cells | {"line": number}))
+                shown = {name: _picture(told[name], name) for name in told.keys() & pictures}
+                size += sum(len(one[0]) for one in shown.values() if one)
+                if size > MAX_RECORDING_BYTES:
+                    what = f"{self.place} has more than {MAX_RECORDING_BYTES} bytes of pictures"
+                    raise BusybotError(f"{part.file}: row {number}: {what}", "export shorter recordings")
+                names = {name: one and self._named(*one) for name, one in shown.items()}
+                rows.append(model.model_validate(told | names | {"line": number}))
             except (ValidationError, ValueError) as error:
                 fault = first_fault(error) if isinstance(error, ValidationError) else error
                 raise BusybotError(f"{part.file}: row {number}: {fault}", HINT) from None
         return rows
 
-    def _named(self, cell: dict[str, Any] | None) -> str | None:
+    def _named(self, data: bytes, path: Any) -> str:
         """The name by which `picture` finds it; those that other programs wrote may have none."""
-        if cell is None:
-            return None
-        data = cell["bytes"] or b""
-        name = str(cell["path"] or hashlib.sha256(data).hexdigest())
+        name = str(path or hashlib.sha256(data).hexdigest())
         if self._kept.setdefault(name, data) != data:
             raise ValueError(f"another picture is called {name!r}, too")
         return name
@@ -141,6 +139,20 @@ class RecordingRows:
 
     def forget(self) -> None:
         self._kept.clear()
+
+
+def _picture(cell: Any, name: str) -> tuple[bytes, Any] | None:
+    """Bytes and path of a picture in a column of this name; None where there is none.
+
+    Raises:
+        ValueError: it is something else: whoever wrote the table chose the column's type.
+    """
+    if cell is None:
+        return None
+    data = cell.get("bytes") or b"" if isinstance(cell, dict) else None
+    if not isinstance(data, bytes):
+        raise ValueError(f"{name}: it holds no picture")
+    return data, cell.get("path")
 
 
 def exported_recordings(source: Path) -> Sequence[ExportedRecording]:
@@ -180,9 +192,10 @@ def _parts(source: Path, table: str) -> dict[int, _Part]:
         raise BusybotError(f"{odd[0]}: a folder, where a table belongs", HINT)
     for file in regular_files(folder, lambda name: name.endswith(".parquet")) if folder.is_dir() else ():
         for number, row in enumerate(read_rows(file, ["episode"], 1 << 16)):
-            index, before = row["episode"], found.get(row["episode"])
+            index = row["episode"]
             if not isinstance(index, int) or index < 0:
                 raise BusybotError(f"{file}: row {number + 1}: {index!r} is no number of an episode", HINT)
+            before = found.get(index)
             if before is None:
                 found[index] = _Part(file, number, 1)
             elif (before.file, before.first + before.count) == (file, number):

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from busybot.common.errors import naming
-from busybot.datasets.importing.recording import KnownObject, Recording, acted_pixel, image_camera
+from busybot.datasets.importing.recording import KnownObject, Recording, acted_pixel, image_camera, refuse_large
 from busybot.episodes.camera import Rays
 from busybot.episodes.episode import Camera
 
@@ -65,6 +65,7 @@ class Proposal:
 
 def propose_objects(recording: Recording) -> list[KnownObject]:
     """Objects with boxes and roles; all pictures are decoded."""
+    refuse_large(recording)
     camera, pixels = recording.camera or image_camera(*recording.size), []
     for action, shown in zip(recording.actions, recording.shown, strict=False):  # the last picture is of no action
         with naming(action.where):

@@ -314,14 +314,20 @@ def placed_object(number: int, told: KnownObject) -> PlacedObject:
         raise BusybotError(f"{told.where}: {first_fault(error)}", "a role is trigger or responder") from None
 
 
+def refuse_large(told: Recording) -> None:
+    """Refuse, before any is decoded, more pixels than an episode may have."""
+    width, height = told.size
+    if len(told.shown) * width * height > MAX_PIXELS:
+        what = f"{len(told.shown)} pictures of {width} x {height} pixels, at most {MAX_PIXELS} in all are read"
+        raise BusybotError(f"{told.place}: {what}", "--width makes pictures smaller; or make shorter recordings")
+
+
 def episode_of(source: str, told: Recording, board: BoardSpec) -> Episode:
     """The recording's episode; all its pictures are decoded."""
     width, height = told.size
     camera = told.camera or image_camera(width, height)
     check_camera(camera)
-    if len(told.shown) * width * height > MAX_PIXELS:
-        what = f"{len(told.shown)} pictures of {width} x {height} pixels, at most {MAX_PIXELS} in all are read"
-        raise BusybotError(f"{told.place}: {what}", "--width makes pictures smaller; or make shorter recordings")
+    refuse_large(told)
     boxes = boxes_of(told.objects, width, height, f" ({told.shown[0]})")
     images: list[Image] = []
     frame_of: list[int] = []

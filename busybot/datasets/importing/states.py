@@ -8,7 +8,8 @@
 frame is what its key (column `state` of objects.csv) had last when the picture was taken. Values are numbered in order.
 """
 
-from collections.abc import Mapping, Sequence
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from os.path import lexists
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from busybot.datasets.importing.time_alignment import read_time
 
 STATES_FILE = "states.jsonl"
 MOST_STATES = 16
+MOST_LINES = 4_000_000
+"""Of a log: a day at 46 a second."""
 LARGEST = 1e300
 """Of a value: whole numbers may be larger than a float can be."""
 HINT = 'a line is {"ts": 12.5, "device": "switches", "values": [1, 0]}'
@@ -75,14 +78,12 @@ def _joined(named: str, told: Sequence[tuple[float, float]], times: Sequence[flo
 def _log(folder: Path, container: Path | None) -> tuple[Path, list[tuple[float, Mapping[str, float]]]]:
     """The file, and values by key in the order of time."""
     file = folder / STATES_FILE
-    lines: list[tuple[str, str, float | None]] = []
+    lines: Iterable[tuple[str, str, float | None]] = ()
     if lexists(file):
-        text = read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT)
-        lines = [(f"{file}: line {n}", line, None) for n, line in enumerate(text.splitlines(), start=1)]
+        text = io.StringIO(read_text(inside(folder, STATES_FILE), MAX_LINES_BYTES, HINT), newline=None)
+        lines = ((f"{file}: line {n}", line, None) for n, line in enumerate(text, start=1))
     elif container is not None and (lines := logged_states(container)):
         file = container
-    if not lines:
-        raise BusybotError(f"{file}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
     found: list[tuple[float, Mapping[str, float]]] = []
     for where, line, at in lines:
         if not line.strip():
@@ -95,7 +96,11 @@ def _log(folder: Path, container: Path | None) -> tuple[Path, list[tuple[float, 
             raise BusybotError(
                 f"{where}: its time {at:.10g} s is before that of the line before", "sort the log by time"
             )
+        if len(found) == MOST_LINES:
+            raise BusybotError(f"{file}: it has more than {MOST_LINES} lines", "log changes alone, or less often")
         found.append((at, values))
+    if not found:
+        raise BusybotError(f"{file}: objects have states, but nobody logged any", f"put {STATES_FILE} there; {HINT}")
     return file, found
 
 

@@ -15,6 +15,7 @@ from mcap.records import Channel, Chunk, ChunkIndex, Metadata, MetadataIndex, Sc
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_ATTACHED_BYTES, MAX_RECORDING_BYTES, MIB, Budget
 from busybot.common.remote import RemotePath
+from busybot.episodes.mcap import channels
 from busybot.episodes.mcap.records import (
     DATA_END,
     FOOTER,
@@ -100,7 +101,7 @@ def read_index(path: RemotePath, size: int) -> Index:
     opcode, _, found = DATA_END.unpack(tail[: DATA_END.size])
     if opcode != Opcode.DATA_END or zlib.crc32(summary) != checksum:
         raise BusybotError("the index does not match its checksum")
-    index = Index(path, Records(size, found), [])
+    index, told = Index(path, Records(size, found), []), None
     for _, opcode, body, _ in each_record(summary, Budget()):
         if opcode == Opcode.SCHEMA:
             index.records.add(Schema.read(stream_of(body)))
@@ -110,8 +111,10 @@ def read_index(path: RemotePath, size: int) -> Index:
             index.chunks.append(ChunkIndex.read(stream_of(body)))
         elif opcode == Opcode.METADATA_INDEX:
             at = MetadataIndex.read(stream_of(body))
-            data = path.read(at.offset, at.offset + min(at.length, MAX_ATTACHED_BYTES))
-            index.records.add(Metadata.read(stream_of(_record(data, Opcode.METADATA))))
+            told = at if at.name == channels.METADATA else told
+    if told is not None:  # one, however many are named: each is a request
+        data = path.read(told.offset, told.offset + min(told.length, MAX_ATTACHED_BYTES))
+        index.records.add(Metadata.read(stream_of(_record(data, Opcode.METADATA))))
     index.chunks.sort(key=lambda chunk: chunk.chunk_start_offset)
     return index
 

@@ -194,6 +194,18 @@ def test_an_import_tells_whether_states_were_read(tmp_path: Path) -> None:
         assert told in run("import", tmp_path / "boards", "--out", tmp_path / f"with-{name}").stderr
 
 
+def test_an_import_says_the_next_command_and_is_verified(tmp_path: Path) -> None:
+    table, out = write_camera_folder(tmp_path / "table", make_episode(0)), tmp_path / "board"
+    assert "nothing was written; --out DATASET" in run("import", table, "--dry-run").stderr
+    assert f"next: busybot eval reason {out}; busybot view {out}" in run("import", table, "--out", out).stderr
+    verified = run("verify", out).stdout
+    assert "imported, so without models of objects: nothing is wrong" in verified and "not found" not in verified
+    for name in ("objects.csv", "relations.csv"):
+        (table / name).unlink()
+    told = run("import", table, "--out", tmp_path / "other").stderr
+    assert f"busybot annotate {tmp_path / 'other'}" in told and "eval reason" not in told
+
+
 def test_options_about_times_are_refused_where_there_are_none(tmp_path: Path) -> None:
     bare = write_camera_folder(tmp_path / "bare", make_episode(0))
     for option, value in (("--fps", 30), ("--shift", 99)):

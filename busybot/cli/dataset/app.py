@@ -67,6 +67,7 @@ def verify(
 
     Objects are compared with the recorded hashes where they are found. Exits with 1 if something is wrong.
     """
+    from busybot.datasets.dataset import Dataset
     from busybot.datasets.verify import verify as verify_dataset
 
     with episode_progress("verifying") as progress:
@@ -80,6 +81,8 @@ def verify(
         verdict = "nothing is wrong" if report.ok else counted(len(report.problems), "problem")
         manifest = "all files against the manifest, " if report.frozen else ""
         objects = "objects not found" if report.objects is None else counted(report.objects, "object")
+        if Dataset.open(dataset).info.generator.imported:
+            objects = "imported, so without models of objects"
         have = f"episodes for {report.episodes} of {counted(report.boards, 'board')}"
         tell(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}; {have}")
     if not report.ok:

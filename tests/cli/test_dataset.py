@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.common.atomic_io import scan
+from busybot.datasets import freeze as freezing
 from busybot.episodes.mcap.writer import write_episode
 from tests.datasets.camera_folders import write_camera_folder
 from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
@@ -182,6 +184,12 @@ def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
     here = run("repair", dataset)
     assert "episode 1: saved entirely" in here.stdout and "episode 3: could not be kept" in here.stdout
     assert run("verify", dataset).exit_code == 0
+
+
+def test_freeze_says_how_the_licence_of_own_objects_is_told(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, whatever = make_dataset(dataset.with_name("whole"), finished=range(4)).path, freezing.freeze
+    monkeypatch.setattr(freezing, "freeze", lambda *given: replace(whatever(*given), left_out=("unknown",)))
+    assert "licence: unknown; for objects that you made" in run("freeze", whole, "--no-objects").stderr
 
 
 def test_an_import_tells_whether_states_were_read(tmp_path: Path) -> None:

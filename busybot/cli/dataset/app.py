@@ -119,6 +119,7 @@ def freeze(
     from busybot.datasets.freeze import freeze as freeze_dataset
     from busybot.datasets.freeze import refuse_unfinished
     from busybot.datasets.manifest import is_frozen
+    from busybot.objects.license import UNKNOWN
 
     check_licence(licence)
     target, library = Dataset.open(dataset), None
@@ -137,7 +138,8 @@ def freeze(
         print_json({**facts, "left_out": done.left_out, "hashes": done.manifest.hashes})
         return
     for reason in done.left_out:
-        say(f"the objects are not put in; licence: {reason}")
+        mend = "; for objects that you made freeze a copy with --licence, as --licence MIT" if reason == UNKNOWN else ""
+        say(f"the objects are not put in; licence: {reason}{mend}")
     state = "is frozen" if done.new else "was frozen already"
     tell(f"{dataset} {state}: {counted(len(done.manifest.files), 'file')}, {counted(carried, 'object')} among them")
 

@@ -27,6 +27,12 @@ class Dataset(Recordings):
     Episodes read their pictures from the files when these are asked for, so thousands of them can be open.
     """
 
+    def __repr__(self) -> str:
+        """A line; the parameters of its boards and recordings, which `info` has, would be many."""
+        return (
+            f"<Dataset {str(self.path)!r}: split {self.info.split!r}, seed {self.info.seed}, boards {self.info.boards}>"
+        )
+
     def frames(self, *pictures: "Picture") -> "Frames":
         """All recorded steps as a map-style PyTorch dataset, see `busybot.frames.Frames`.
 

@@ -46,6 +46,11 @@ def run(code: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+def test_a_dataset_is_shown_in_a_line(folder: Path) -> None:
+    shown = repr(busybot.load_dataset(folder))
+    assert str(folder) in shown and "boards" in shown and len(shown) < len(str(folder)) + 80
+
+
 @pytest.mark.parametrize(
     "code",
     [

@@ -6,6 +6,7 @@ relations for each board. A group depends on (seed, split, group) alone, so any 
 
 from collections import Counter
 from collections.abc import Iterator
+from shlex import quote
 
 import numpy as np
 
@@ -71,11 +72,15 @@ def _pools(config: BoardConfig, library: Library) -> Pools:
         _refuse_strangers(config, library, category, [key for key, _ in entries])
         entries = [entry for entry in entries if entry[0] in config.only] or entries
         if not entries and most > 0:
-            all_lamps = f"let all responders be lamps: --set lamps=[{config.responders[1]},{config.responders[1]}]"
+            most_lamps = config.responders[1]
+            without = "set its count to 0"
+            if category == "Door":
+                without = f"let all responders be lamps: --set lamps=[{most_lamps},{most_lamps}]"
+            more = f"busybot assets merge procedural {quote(str(library.folder))} --out NEW"
             raise BusybotError(
                 f"{library.name}: no {category} for the split {config.split!r} (relations {config.relations!r}), "
                 f"but a board may need up to {most}",
-                f"add objects of this category, or {all_lamps if category == 'Door' else 'set its count to 0'}",
+                f"add objects of this category, as `{more}` does, or {without}",
             )
         weights = np.array([1.0 if config.uniform else weight for _, weight in entries])
         pools[category] = [key for key, _ in entries], weights / weights.sum() if len(weights) else weights

@@ -54,7 +54,7 @@ def make(
     answer(
         json,
         {"folder": out, "seed": seed, "sha256": library.sha256, "objects": keys},
-        f"{len(keys)} objects in {out} (seed {seed}, sha256 {library.sha256[:12]})",
+        f"{counted(len(keys), 'object')} in {out} (seed {seed}, sha256 {library.sha256[:12]})",
         _next("list", out),
     )
 
@@ -123,7 +123,14 @@ def import_raw(
         write_review(review, proposals, {outcome.name: outcome.problem for outcome in outcomes if outcome.problem})
     refused = any(outcome.problem for outcome in outcomes)
     facts = {"folder": out, "review": review, "objects": outcomes, "unused": _unused(given, folders)}
-    hints = [_next("check", out)] if out is not None else []
+    hints = []
+    if out is not None and any(outcome.done in ("imported", "unchanged") for outcome in outcomes):
+        hints.append(_next("check", out))
+    elif out is None and any(outcome.choices for outcome in outcomes):
+        again = " ".join(quote(str(path)) for path in raw)
+        hints.append(
+            f"next: edit {review}; busybot assets import {again} --overrides {quote(str(review))} --out LIBRARY"
+        )
     answer(json, {"ok": not refused, **facts}, *hints)
     if refused:
         raise typer.Exit(1)
@@ -144,7 +151,7 @@ def merge(
     answer(
         json,
         {"folder": out, "sha256": library.sha256, "objects": list(library.objects)},
-        f"{len(library.objects)} objects in {out} (sha256 {library.sha256[:12]})",
+        f"{counted(len(library.objects), 'object')} in {out} (sha256 {library.sha256[:12]})",
         _next("list", out),
     )
 
@@ -216,7 +223,7 @@ def sheet(
     check_file("--out", out, "sheet.png")
     with episode_progress("drawing") as progress:
         count = draw(out, find(folder), cell, columns, progress)
-    answer(json, {"sheet": out, "objects": count}, f"{count} objects in {out}")
+    answer(json, {"sheet": out, "objects": count}, f"{counted(count, 'object')} in {out}")
 
 
 def _next(command: str, out: Path) -> str:

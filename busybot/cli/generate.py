@@ -97,7 +97,8 @@ def generate(
         where = "" if parameters.world == PAPER else f", world {parameters.world}"
         goals = f" with {parameters.tasks} tasks" if parameters.tasks else ""
         made = f"{counted(dataset.info.boards, 'board')}{goals} ({dataset.info.split}{where}) in {out}"
-        made += f", of {dataset.info.assets.name} objects"
+        name = dataset.info.assets.name
+        made += ", of procedural objects" if name == "procedural" else f", of objects from {name}"
         say(f"{made}; {redraws.total()} draws did not fit and were redrawn")
         say(f"next: {collect_command(out, dataset.info, own_name())}")
 

@@ -125,7 +125,7 @@ def reason(
     set_: Annotated[list[str] | None, typer.Option("--set", help="Any parameter, as net.width=64.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Learn relations and effects from recorded episodes, without ever being told either.
+    """Learn relations and effects from recorded episodes; `event` and `paper` are told neither.
 
     The model `mechanism` is told: its labels are the true parents of the boards that it is trained on, and
     which way round their links are.

@@ -146,7 +146,10 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
 
     def step(self, action: Core) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         scene = self._playing()
-        position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
+        try:
+            position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
+        except (LookupError, TypeError, ValueError):  # a tuple, no such key, or no number there
+            raise BusybotError(f"the action {action} is not one", "see `env.action_space`") from None
         if position.shape != (3,) or not np.isfinite(position).all() or not 0 <= direction < len(DIRECTIONS):
             raise BusybotError(f"the action {action} is not one", "see `env.action_space`")
         step, after = interact(scene, self.grasp(position), direction, self._interaction, self._image)

@@ -122,7 +122,8 @@ class Metrics:
         self._lines.append({"iteration": iteration, "validation": told(figures)})
         self.write()
         shown = ", ".join(f"{name} {value:.4f}" for name, value in figures.items() if value is not None)
-        self._tell(shown)
+        if shown:  # without held-out boards there is nothing to tell
+            self._tell(shown)
 
     def _tell(self, what: str) -> None:
         if not is_quiet():
@@ -208,10 +209,11 @@ def judgements(lines: Lines, labels: Mapping[str, str] | None = None) -> dict[st
 
 
 def draw(path: Path, panels: Sequence[Sequence[Panel]]) -> Path:
-    """Write the picture with panels [row][column]."""
+    """Write the picture with panels [row][column], without rows in which there is nothing to draw."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    panels = [row for row in panels if any(map(_has_points, row))] or panels
     figure = Figure(figsize=(WIDTH_INCHES, ROW_INCHES * len(panels)), layout="constrained")
     grid = figure.subplots(len(panels), len(panels[0]), squeeze=False)
     for row, of_row in zip(grid, panels, strict=True):
@@ -221,6 +223,10 @@ def draw(path: Path, panels: Sequence[Sequence[Panel]]) -> Path:
     FigureCanvasAgg(figure).print_png(buffer)
     write_atomically(path, buffer.getvalue())
     return path
+
+
+def _has_points(panel: Panel) -> bool:
+    return any(y is not None for points in panel.curves.values() for _, y in points)
 
 
 def _draw_panel(axes: Any, panel: Panel) -> None:

@@ -154,6 +154,18 @@ def test_import_review_edit_import(tmp_path: Path) -> None:
     assert run("import", str(raw))[0] == run("import", str(raw), "--out", "x", "--split", "test")[0] == 2
 
 
+def test_an_import_says_the_next_command(tmp_path: Path) -> None:
+    raw, out, review = tmp_path / "raw", tmp_path / "library", tmp_path / "review.yaml"
+    make_raw(raw / "77", "Box", ROCKER)
+    told = run("import", str(raw), "--review", str(review))[2]
+    assert f"next: edit {review}; busybot assets import {raw} --overrides {review} --out LIBRARY\n" in told
+    for _ in range(2):  # what is there already, unchanged, is there
+        assert f"next: busybot assets check {out}; " in run("import", str(raw), "--out", str(out))[2]
+    review.write_text(review.read_text().replace("scale: 0.265", "scale: 0.25"))
+    code, _, told = run("import", str(raw), "--overrides", str(review), "--out", str(out))
+    assert code == 1 and "refused" in told and "next:" not in told, "nothing was imported that could be looked at"
+
+
 def test_a_doubtful_orientation_is_asked_about_until_it_is_answered(tmp_path: Path) -> None:
     raw, out, review = tmp_path / "raw", tmp_path / "library", tmp_path / "review.yaml"
     make_raw(raw / "77", "Switch", STICK, body=GROUND)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 from busybot.cli.main import app
 from busybot.common.atomic_io import scan
+from busybot.datasets import freeze as freezing
 from busybot.episodes.mcap.writer import write_episode
 from tests.datasets.camera_folders import write_camera_folder
 from tests.datasets.test_imports_of_containers import log_of, state_rows, with_keys
@@ -186,6 +188,12 @@ def test_repair_names_what_it_saved_and_what_not(dataset: Path) -> None:
     assert run("verify", dataset).exit_code == 0
 
 
+def test_freeze_says_how_the_licence_of_own_objects_is_told(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole, whatever = make_dataset(dataset.with_name("whole"), finished=range(4)).path, freezing.freeze
+    monkeypatch.setattr(freezing, "freeze", lambda *given: replace(whatever(*given), left_out=("unknown",)))
+    assert "licence: unknown; for objects that you made" in run("freeze", whole, "--no-objects").stderr
+
+
 def test_an_import_tells_whether_states_were_read(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_camera_folder(tmp_path / "boards" / name, make_episode(0), times=True)
@@ -194,6 +202,18 @@ def test_an_import_tells_whether_states_were_read(tmp_path: Path) -> None:
         with_keys(tmp_path / "boards" / name)
         (tmp_path / "boards" / name / "states.jsonl").write_text(log_of(state_rows(make_episode(0))[0]))
         assert told in run("import", tmp_path / "boards", "--out", tmp_path / f"with-{name}").stderr
+
+
+def test_an_import_says_the_next_command_and_is_verified(tmp_path: Path) -> None:
+    table, out = write_camera_folder(tmp_path / "table", make_episode(0)), tmp_path / "board"
+    assert "nothing was written; --out DATASET" in run("import", table, "--dry-run").stderr
+    assert f"next: busybot eval reason {out}; busybot view {out}" in run("import", table, "--out", out).stderr
+    verified = run("verify", out).stdout
+    assert "imported, so without models of objects: nothing is wrong" in verified and "not found" not in verified
+    for name in ("objects.csv", "relations.csv"):
+        (table / name).unlink()
+    told = run("import", table, "--out", tmp_path / "other").stderr
+    assert f"busybot annotate {tmp_path / 'other'}" in told and "eval reason" not in told
 
 
 def test_options_about_times_are_refused_where_there_are_none(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -38,6 +39,13 @@ def test_from_nothing_to_episodes(tmp_path: Path) -> None:
     again = busybot("collect", out, "--policy", "random", *SMALL)
     assert again.returncode == 1
     assert "policy 'scripted', now 'random'" in again.stderr and "hint:" in again.stderr
+
+
+def test_generate_says_whose_objects_stand_on_the_boards(tmp_path: Path, few_objects: Callable[[int], Path]) -> None:
+    ours = busybot("generate", str(tmp_path / "ours"), "--boards", "1").stderr
+    folder = few_objects(0)
+    theirs = busybot("generate", str(tmp_path / "theirs"), "--boards", "1", "--assets", str(folder)).stderr
+    assert "of procedural objects" in ours and f"of objects from {folder.name}" in theirs
 
 
 def test_the_real_camera_is_asked_for_by_name_and_its_terms_by_theirs(tmp_path: Path) -> None:

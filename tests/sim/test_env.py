@@ -161,6 +161,16 @@ def test_relations_of_a_real_board_differ_from_seed_to_seed() -> None:
     env.close()
 
 
+@pytest.mark.parametrize(
+    "action", [(0, 0, 7), np.zeros(4), {"position": np.zeros(3)}, {"position": "x", "direction": 1}]
+)
+def test_what_is_no_action_is_refused_by_name(env: BusyBoardEnv, action: Any) -> None:
+    env.reset(seed=0)
+    with pytest.raises(BusybotError, match="is not one") as error:
+        env.step(action)
+    assert error.value.hint == "see `env.action_space`"
+
+
 def test_acting_before_reset_is_refused() -> None:
     with pytest.raises(BusybotError, match="reset"):
         BusyBoardEnv(render=SMALL).step({"position": np.zeros(3), "direction": 0})

@@ -12,7 +12,7 @@ from busybot.common.quiet import QUIET
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_tensors, save_tensors, training_tensors
 from busybot.training.loop import Budget, Learner, Loop, LoopConfig, cosine_rate, descend, fit, groups_apart
-from busybot.training.run_folder import begin_folder, read_metrics
+from busybot.training.run_folder import Metrics, Panel, begin_folder, draw, read_metrics
 
 
 class Line(Learner):
@@ -214,3 +214,12 @@ def test_one_step_has_its_learning_rate_and_a_gradient_that_is_not_too_long() ->
 )
 def test_one_group_stays_to_train_on(groups: int, share: float, held: int) -> None:
     assert len(groups_apart(set(range(groups)), share, 0, "test")) == held
+
+
+def test_what_nobody_judged_is_neither_told_nor_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Metrics(tmp_path / "m.jsonl", "line", 0, 0, 4, 1).end(4, {})
+    assert capsys.readouterr().err == ""
+    loss, empty = Panel("loss", {"trained on": [(1, 0.5), (2, 0.25)]}), Panel("held out", {"held out": [(1, None)]})
+    alone, both = (draw(tmp_path / f"{k}.png", rows) for k, rows in enumerate(([[loss]], [[loss], [empty]])))
+    assert alone.read_bytes() == both.read_bytes()
+    assert draw(tmp_path / "none.png", [[empty]]).is_file()

@@ -67,6 +67,7 @@ def verify(
 
     Objects are compared with the recorded hashes where they are found. Exits with 1 if something is wrong.
     """
+    from busybot.datasets.dataset import Dataset
     from busybot.datasets.verify import verify as verify_dataset
 
     with episode_progress("verifying") as progress:
@@ -80,6 +81,8 @@ def verify(
         verdict = "nothing is wrong" if report.ok else counted(len(report.problems), "problem")
         manifest = "all files against the manifest, " if report.frozen else ""
         objects = "objects not found" if report.objects is None else counted(report.objects, "object")
+        if Dataset.open(dataset).info.generator.imported:
+            objects = "imported, so without models of objects"
         have = f"episodes for {report.episodes} of {counted(report.boards, 'board')}"
         tell(f"{dataset}: {counted(report.episodes, 'episode')} checked, {manifest}{objects}: {verdict}; {have}")
     if not report.ok:
@@ -116,6 +119,7 @@ def freeze(
     from busybot.datasets.freeze import freeze as freeze_dataset
     from busybot.datasets.freeze import refuse_unfinished
     from busybot.datasets.manifest import is_frozen
+    from busybot.objects.license import UNKNOWN
 
     check_licence(licence)
     target, library = Dataset.open(dataset), None
@@ -135,7 +139,8 @@ def freeze(
         print_json({**facts, "left_out": done.left_out, "hashes": done.manifest.hashes})
         return
     for reason in done.left_out:
-        say(f"the objects are not put in; licence: {reason}")
+        mend = "; for objects that you made freeze a copy with --licence, as --licence MIT" if reason == UNKNOWN else ""
+        say(f"the objects are not put in; licence: {reason}{mend}")
     state = "is frozen" if done.new else "was frozen already"
     tell(f"{dataset} {state}: {counted(len(done.manifest.files), 'file')}, {counted(carried, 'object')} among them")
 

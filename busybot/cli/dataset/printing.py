@@ -104,7 +104,7 @@ def repaired(done: "Repaired") -> None:
 
 
 def imported(done: "Imported") -> None:
-    """What was read of each recording, and what to do next where boxes are missing."""
+    """What was read of each recording, and what to do next."""
     for one in done.recordings[:MOST_LINES]:
         objects = (
             f"{counted(int(str(one['triggers'])), 'trigger')}, {counted(int(str(one['responders'])), 'responder')}"
@@ -119,11 +119,14 @@ def imported(done: "Imported") -> None:
     if len(done.recordings) > MOST_LINES:
         tell(f"and {len(done.recordings) - MOST_LINES} more recordings; --json lists all")
     if done.dataset is None:
-        say("nothing was written")
+        say("nothing was written; --out DATASET in place of --dry-run writes it")
         return
+    place = quote(str(done.dataset.path))
     say(f"{done.dataset.path}: {counted(done.dataset.info.boards, 'episode')}, {_states(done.recordings)}")
     if any(not one["triggers"] or not one["responders"] or one.get("boxes") == 0 for one in done.recordings):
-        say(f"next, because nothing is inferred without boxes: busybot annotate {quote(str(done.dataset.path))}")
+        say(f"next, because nothing is inferred without boxes: busybot annotate {place}")
+    else:
+        say(f"next: busybot eval reason {place}; busybot view {place}")
 
 
 def _states(recordings: list[dict[str, object]]) -> str:

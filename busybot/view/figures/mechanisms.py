@@ -264,7 +264,7 @@ def _draw_time(axes: Any, view: MechanismView, lanes: list[Lane]) -> None:
     for tick, (_, role, _) in zip(axes.get_yticklabels(), lanes, strict=True):
         tick.set_color(unit(ROLES[role]))
     axes.set(xlim=(-0.5, frames - 0.5), ylim=(len(lanes) - 0.5, -0.5))
-    axes.set_xticks(range(0, frames, 5))
+    axes.set_xticks(range(0, frames, 5 if frames > 10 else 1))
     axes.tick_params(length=0, labelsize=6.5)
     axes.tick_params(axis="x", labelcolor=unit(MUTED))
     axes.spines[:].set_visible(False)

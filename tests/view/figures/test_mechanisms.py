@@ -11,8 +11,9 @@ import pytest
 
 from busybot.boards.worlds import WORLDS
 from busybot.episodes.episode import Episode, Link
+from busybot.view.figures import parts
 from busybot.view.figures.episode import _otherwise, episode_figure
-from busybot.view.figures.mechanisms import LETTERS, _lanes, _layout, _shades, mechanism_figure
+from busybot.view.figures.mechanisms import LETTERS, _draw_time, _lanes, _layout, _shades, mechanism_figure
 from busybot.view.label_places import label_boxes
 from busybot.view.mechanisms import MechanismView, mechanism_view
 from busybot.view.palette import ACTION, FACTORS, WRONG
@@ -63,6 +64,15 @@ def test_links_of_one_object_are_named_beside_it_and_cover_no_other_name(few_obj
                 others = np.delete(boxes, number, axis=0)
                 sides = np.minimum(boxes[number, 2:], others[:, 2:]) - np.maximum(boxes[number, :2], others[:, :2])
                 assert not (sides > 0).all(1).any(), (board.index, node)
+
+
+@pytest.mark.parametrize(("steps", "numbers"), [(4, [0, 1, 2, 3, 4]), (12, [0, 5, 10])])
+def test_time_has_more_numbers_than_its_beginning(steps: int, numbers: list[int], few_objects: Objects) -> None:
+    board = world_boards(few_objects(0), "gates", 1)[0]
+    view = MechanismView(make_world_episode(board, library_at(few_objects(0)), steps))
+    axes = parts.page(4, 3).subplots()
+    _draw_time(axes, view, _lanes(view))
+    assert list(axes.get_xticks()) == numbers
 
 
 def test_mechanisms_of_one_type_differ_in_brightness() -> None:

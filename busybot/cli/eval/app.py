@@ -163,8 +163,13 @@ def reason(
 
 def _warn_of(dataset: "Dataset", results: dict[str, dict[str, Any]]) -> None:
     """Say what makes the figures say little, whatever they are."""
+    from busybot.datasets.info import collect_command
     from busybot.datasets.summary import nothing_moved
 
+    recorded, boards = len(dataset.finished()), dataset.info.boards
+    if recorded < boards:
+        rest = collect_command(dataset.path, dataset.info)
+        warn(f"{recorded} of {boards} boards are recorded, of which this speaks; the others: {rest}")
     for name, result in results.items():
         if result["trained_on_dataset"]:
             what = f"{name} was trained on these very boards, or on others of their drawing"

@@ -180,6 +180,14 @@ def test_a_recording_in_which_nothing_moved_is_told_of(tmp_path: Path) -> None:
     assert "moved anything" not in run(moved, "--reasoner", "count", "--workers", "1").stderr
 
 
+def test_boards_that_are_not_recorded_yet_are_told_of(tmp_path: Path) -> None:
+    part = make_dataset(tmp_path / "part", boards=3, finished=[0, 2]).path
+    told = run(part, "--reasoner", "count", "--workers", "1").stderr
+    assert "2 of 3 boards are recorded" in told and f"busybot collect {part}" in told
+    whole = make_dataset(tmp_path / "whole", boards=1, finished=[0]).path
+    assert "boards are recorded" not in run(whole, "--reasoner", "count", "--workers", "1").stderr
+
+
 def test_a_folder_of_another_skill_is_called_what_it_is(dataset: Path) -> None:
     folders = {name: PRETRAINED / skill / name for skill, name in (("reason", "event"), ("interact", "procedural"))}
     told = run(dataset, "--reasoner", folders["procedural"]).stderr

@@ -200,6 +200,8 @@ def test_nothing_is_written_and_nothing_else_is_read(store: fsspec.AbstractFileS
         ("memory://bucket/d/dataset.json", "is a file"),
         ("gopher://me:secret@host/d", "gopher://host/d: .*not known"),
         ("s3://me:secret@[bucket/d", r"^s3://\[bucket/d: Invalid IPv6 URL"),
+        ("s3://me:secret@bucket\u2100/d", "^s3://bucket\u2100/d: it has signs that no host has"),
+        ("file://me:secret@host/d", "^file://host/d: a folder of another machine"),
         ("gopher://me:half@secret@host/d", "gopher://host/d: .*not known"),
     ],
 )

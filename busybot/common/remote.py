@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeGuard, cast
-from urllib.parse import unquote, urlsplit
+from urllib.parse import SplitResult, unquote, urlsplit
 
 from busybot.common.errors import BusybotError, needs_extra
 
@@ -160,6 +160,19 @@ def is_remote(path: object) -> TypeGuard[RemotePath]:
     return isinstance(path, RemotePath)
 
 
+def split_address(address: str) -> SplitResult:
+    """The parts of an address.
+
+    Raises:
+        BusybotError: it is none. Name and password are not told.
+    """
+    try:
+        return urlsplit(address)
+    except ValueError as error:  # a bracket stays open, or the host, which is quoted with name and password, is none
+        why = "it has signs that no host has" if "@" in str(error) else error
+        raise BusybotError(f"{RemotePath(address)}: {why}", "check the address, as s3://bucket/path") from None
+
+
 def place_of(address: str | Path, options: Mapping[str, Any] | None = None) -> Path:
     """A folder of this machine, or an address, which stands for one where it is only read.
 
@@ -171,13 +184,11 @@ def place_of(address: str | Path, options: Mapping[str, Any] | None = None) -> P
     """
     if not isinstance(address, str) or SCHEME.match(address) is None:
         return Path(address)
-    try:
-        parts = urlsplit(address)
-    except ValueError as error:  # of a bracket that stays open
-        raise BusybotError(f"{RemotePath(address)}: {error}", "check the address") from None
+    parts = split_address(address)
     if parts.scheme in ("file", "local"):
         if parts.netloc not in ("", "localhost"):
-            raise BusybotError(f"{address}: a folder of another machine", "write file:///PATH for one of this machine")
+            what = f"{RemotePath(address)}: a folder of another machine"
+            raise BusybotError(what, "write file:///PATH for one of this machine")
         return Path(unquote(parts.path))
     remote = RemotePath(address, dict(options or {}))
     remote.forget()  # what an earlier call listed may have grown

@@ -19,7 +19,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
-from urllib.parse import urlsplit
 
 from pydantic import Field, ValidationError
 
@@ -37,6 +36,7 @@ from busybot.common.config import parse_yaml
 from busybot.common.errors import BusybotError, without_name
 from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.limits import MAX_HASHED_BYTES
+from busybot.common.remote import split_address
 from busybot.datasets.manifest import (
     MANIFEST_FILE,
     is_frozen,
@@ -295,10 +295,7 @@ def address(remote: str) -> str:
         BusybotError: the address is none, or holds a password, which everybody could read in the list of processes, or
             is a folder that DVC cannot name.
     """
-    try:
-        parts = urlsplit(remote)
-    except ValueError as error:
-        raise BusybotError(f"the address of the remote: {error}", "check it, as s3://bucket/path") from None
+    parts = split_address(remote)
     if parts.password is not None:
         raise BusybotError(
             "the address of the remote holds a password", "give it in the environment, as AWS_SECRET_ACCESS_KEY"

@@ -148,9 +148,10 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         scene = self._playing()
         try:
             position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
+            known = position.shape == (3,) and np.isfinite(position).all() and 0 <= direction < len(DIRECTIONS)
         except (LookupError, TypeError, ValueError):  # a tuple, no such key, or no number there
-            raise BusybotError(f"the action {action} is not one", "see `env.action_space`") from None
-        if position.shape != (3,) or not np.isfinite(position).all() or not 0 <= direction < len(DIRECTIONS):
+            known = False
+        if not known:
             raise BusybotError(f"the action {action} is not one", "see `env.action_space`")
         step, after = interact(scene, self.grasp(position), direction, self._interaction, self._image)
         self._image = after or self._image

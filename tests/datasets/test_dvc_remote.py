@@ -224,3 +224,6 @@ def test_passwords_are_not_taken_from_the_command_line() -> None:
     with pytest.raises(BusybotError, match="Invalid IPv6 URL") as error:
         address("ssh://me:secret@[host/path")
     assert error.value.hint and "secret" not in str(error.value)
+    with pytest.raises(BusybotError, match="no host has") as error:
+        address("ssh://me:secret@host\u2100/path")
+    assert "secret" not in str(error.value)

@@ -34,7 +34,7 @@ from busybot.interact.affordance.networks import (
 )
 from busybot.interact.policy.config import Inputs, Threshold
 from busybot.interact.policy.direction_pairs import ELEVATED, NOT_ELEVATED
-from busybot.training.device import exactly, keep_memory, mixed, slices
+from busybot.training.device import exactly, keep_memory, slices
 
 GAUSSIAN_SIGMA = 10.0
 """Of the position's Gaussian, pixels; of the authors' program, which draws it in a window of 80."""
@@ -187,7 +187,7 @@ class PaperModel(AffordanceModel):
         return view.affordance[pixels[:, 1], pixels[:, 0]], torch.cat(scores).numpy()
 
     def _run(self, kind: Kind, features: Tensor) -> Any:
-        with torch.inference_mode(), mixed(self.on):
+        with torch.inference_mode(), torch.autocast(self.on.type, torch.bfloat16, enabled=self.bfloat16):
             on_device = features.to(self.on).contiguous(memory_format=torch.channels_last)
             return self.networks[kind](on_device).float().cpu()
 

@@ -7,8 +7,8 @@ current/                      the model with which the next epoch is collected; 
 metrics/epochs.jsonl          what each epoch collected
 
 The buffer is a window over the recorded steps. Pictures that have left it are no longer cached. Weights depend on the
-recorded steps, the seed and, in their last bits, on the device and the number of threads: on a CPU, training again from
-copied rounds and going on after a kill end in the same ones.
+recorded steps, the seed, whether the device multiplies bfloat16 and, in their last bits, on the device and the number
+of threads: on one CPU, training again from copied rounds and going on after a kill end in the same ones.
 
 A sample is the paper's tuple of picture, position, direction and reward. Where it leaves room:
 
@@ -52,14 +52,14 @@ from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, keep_memory, mixed
+from busybot.training.device import device, keep_memory, multiplies_bfloat16
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
 BETAS = (0.9, 0.95)
 """Of Adam, as the authors' program has them; the text names none."""
 LEARNING_BYTES = 22 << 30
-"""Memory from which on it may be kept: learning takes 17 GB then, at the paper's size, and 11 otherwise."""
+"""Memory from which on it may be kept: learning takes 17 GB then, at the paper's size, 11 otherwise, 9 in bfloat16."""
 PLOT_EVERY = 10
 """Epochs between pictures of the training's course."""
 
@@ -84,6 +84,7 @@ class PaperAffordanceLearner(Learner):
     def __init__(self, out: Path, config: PaperConfig, seed: int, kind: Kind, size: Size):
         self.name: Kind = kind
         self.config, self.seed, self._rate = config.learn(kind), seed, partial(config.rate, kind)
+        self._rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
         self.network = make_paper_network(kind, config.inputs, size)
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         first = torch.Generator().manual_seed(int(draws.integers(2**63)))
@@ -119,7 +120,7 @@ class PaperAffordanceLearner(Learner):
         """Draw a batch and take one step of the optimizer, at the epoch's learning rate; returns the loss."""
         self.network.train()
         chosen = draw_half(samples.reward, self.config.batch, rng)
-        loss = batch_loss(self.network, self.name, samples, chosen)
+        loss = batch_loss(self.network, self.name, samples, chosen, self._rounded)
         descend(self.optimizer, loss, self._rate(self.epoch))
         return float(loss.detach())
 
@@ -145,15 +146,15 @@ def recorded_pictures(samples: Samples, chosen: np.ndarray, on: torch.device) ->
     return depth_and_normals(samples.depths(chosen, stored, on), Pinhole(samples.camera))
 
 
-def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray) -> Tensor:
-    """The loss of a batch, a scalar on the network's device."""
+def batch_loss(network: nn.Module, kind: Kind, samples: Samples, chosen: np.ndarray, rounded: bool = False) -> Tensor:
+    """The loss of a batch, a scalar on the network's device; `rounded` multiplies in bfloat16."""
     on = next(network.parameters()).device
     features = recorded_pictures(samples, chosen, on)
     pixels = torch.from_numpy(samples.pixels[chosen].astype(np.int64)).to(on)
     reward = torch.from_numpy(samples.reward[chosen]).to(on)
     if kind == "direction":
         features = with_positions(features, pixels)
-    with mixed(on):
+    with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
         outputs = network(features.contiguous(memory_format=torch.channels_last))
     outputs = outputs.float()
     if kind == "position":

@@ -32,9 +32,11 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Samples:
     )
 
 
-def learner_for(kind: Kind, folder: Path, inputs: Inputs = "depth", **changes: float) -> PaperAffordanceLearner:
+def learner_for(
+    kind: Kind, folder: Path, inputs: Inputs = "depth", bfloat16: bool | None = None, **changes: float
+) -> PaperAffordanceLearner:
     small = {"batch": 2, "iterations": 3} | changes
-    config = PaperConfig.model_validate({"inputs": inputs, "checkpoint": 2, kind: small})
+    config = PaperConfig.model_validate({"inputs": inputs, "checkpoint": 2, "bfloat16": bfloat16, kind: small})
     return PaperAffordanceLearner(folder, config, 0, kind, size=(120, 160))
 
 
@@ -94,6 +96,19 @@ def test_an_epoch_has_its_learning_rate(samples: Samples, tmp_path: Path) -> Non
         learner.train(samples, epoch)
         assert learner.optimizer.param_groups[0]["lr"] == pytest.approx(rate)
     assert [line["learning_rate"] for line in read_metrics(learner.loop.metrics)] == pytest.approx([5e-4, 1e-6])
+
+
+@pytest.mark.parametrize("able", [False, True])
+def test_it_multiplies_in_bfloat16_where_the_device_can_unless_it_is_told(
+    able: bool, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("busybot.interact.training.paper.multiplies_bfloat16", lambda: able)
+    losses = [
+        learner_for("position", tmp_path / str(told), bfloat16=told).learn(samples, generator(0, "", 0, "test"))
+        for told in (None, False, True)
+    ]
+    assert losses[0] == losses[2 if able else 1] and losses[1] != losses[2]
+    assert losses[1] == pytest.approx(losses[2], rel=0.05)
 
 
 @pytest.mark.long

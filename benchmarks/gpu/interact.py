@@ -8,6 +8,8 @@ a wheel (`benchmarks.gpu.pack --simulator`); the objects travel as they are. Wha
 for them. After `--minutes` it is interrupted, as by Ctrl-C; the same command goes on in `--work`, to the weights of one
 that was not interrupted.
 
+With `--epochs 21` it is interrupted after so many epochs, too, so that several rows have learned as long.
+
 `--merge 4` makes one epoch of four, with as many boards and iterations as these have together: many workers finish an
 epoch of 16 boards before they are all busy. Networks that collect are as many boards older then, and the buffer holds
 as many steps. `--share 0.5` is half of the schedule, all its phases shortened alike.
@@ -23,6 +25,8 @@ import json
 import signal
 import subprocess
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -44,24 +48,26 @@ from busybot.training.run_folder import learner_versions, read_metrics
 
 TRAINED = {name: row.train for name, row in ROWS.items() if row.train and row.train[:2] == PAPER}
 """Rows that train the paper's networks, with their options."""
-PATIENCE_S = 120
-"""For a training that was interrupted to end by itself."""
+PATIENCE_S, LOOK_S = 120, 1.0
+"""For a training that was interrupted to end by itself; between two looks at how far it is."""
 
 
-def train(command: tuple[str, ...], minutes: float) -> int | None:
-    """Run a training to its end, or for so long; returns its exit code, None if it was interrupted."""
+def train(command: tuple[str, ...], minutes: float, enough: Callable[[], bool] = lambda: False) -> int | None:
+    """Run a training to its end, for so long, or until there is enough; returns its exit code, None if it was
+    interrupted."""
     # scripts start what is in the background with interrupts ignored, and the training would inherit that
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    until = time.monotonic() + 60 * minutes
     with subprocess.Popen([*runner.BUSYBOT, *command]) as process:
+        while not enough() and (left := until - time.monotonic()) > 0:
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(min(LOOK_S, left))
+        process.send_signal(signal.SIGINT)
         try:
-            return process.wait(60 * minutes)
+            process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGINT)
-            try:
-                process.wait(PATIENCE_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-            return None
+            process.kill()
+        return None
 
 
 def scaled(share: float, merge: int) -> dict[str, Any]:
@@ -108,6 +114,12 @@ def networks(work: Path) -> Path:
     raise BusybotError(
         f"{work}: no network was asked yet where to act, so there is none to bring back", "the same command goes on"
     )
+
+
+def epochs_learned(work: Path) -> int:
+    """Whole epochs behind the networks that collect the next one; 0 before any was asked where to act."""
+    card = work / "current" / "model.json"
+    return int(read_json(card)["training"]["epochs"]) if card.exists() else 0
 
 
 def told_lines(work: Path) -> bytes:
@@ -165,6 +177,7 @@ def main(words: list[str]) -> None:
     options.add_argument("--out", type=Path, required=True, help="folder for what travels back")
     options.add_argument("--seed", type=int, default=0)
     options.add_argument("--minutes", type=float, default=20.0, help="of this call")
+    options.add_argument("--epochs", type=int, help="to stop after, of the whole training")
     options.add_argument("--share", type=float, default=1.0, help="of the schedule")
     options.add_argument("--merge", type=int, default=1, help="epochs that become one")
     options.add_argument("--config", type=Path, help="YAML file with parameters, in place of these two")
@@ -183,7 +196,9 @@ def main(words: list[str]) -> None:
         arguments.work.with_name(f"{arguments.work.name}.seconds.json").unlink(missing_ok=True)
     began, before = time.monotonic(), _latest(arguments.work)
     code = train(
-        ("train", "interact", "--out", str(arguments.work), *TRAINED[arguments.row], *given, *more), arguments.minutes
+        ("train", "interact", "--out", str(arguments.work), *TRAINED[arguments.row], *given, *more),
+        arguments.minutes,
+        lambda: arguments.epochs is not None and epochs_learned(arguments.work) >= arguments.epochs,
     )
     if code and _latest(arguments.work) == before:  # what is there may be another training's
         raise BusybotError(f"busybot train interact ended with code {code}, and learned nothing: it told why")

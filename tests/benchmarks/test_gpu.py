@@ -23,6 +23,7 @@ from benchmarks.gpu.formats import METRICS, PACK, RUN, PackedBoards, packed, rea
 from benchmarks.gpu.unpack import unpack, unpack_interaction
 from benchmarks.tables.table2 import Table2Row
 from busybot.cli.main import app
+from busybot.common.atomic_io import write_json
 from busybot.common.errors import BusybotError, UsageError
 from busybot.interact.affordance.load import load_model
 from busybot.interact.affordance.networks import KINDS, Kind
@@ -338,11 +339,34 @@ def test_what_another_training_learned_is_not_brought_back(tmp_path: Path, monke
     work = tmp_path / "work"
     work.mkdir()
     (work / "weights").write_text("of another row")
-    monkeypatch.setattr(interact, "train", lambda command, minutes: 1)
+    monkeypatch.setattr(interact, "train", lambda command, minutes, enough: 1)
     monkeypatch.setattr(interact, "bring_back", lambda arguments, seconds: pytest.fail("brought back"))
     with pytest.raises(BusybotError, match="ended with code 1, and learned nothing"):
         interact.main(["--assets", "x", "--row", "paper-rgb", "--work", str(work), "--out", str(tmp_path / "back")])
     assert not (tmp_path / "back").exists() and not (tmp_path / "work.seconds.json").exists()
+
+
+ENDLESS = """import pathlib, sys, time
+pathlib.Path(sys.argv[1], "began").touch()
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    pathlib.Path(sys.argv[1], "interrupted").touch()
+"""
+"""A training that ends only if it is interrupted."""
+
+
+def test_a_training_is_interrupted_after_so_many_epochs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(interact.runner, "BUSYBOT", (sys.executable, "-c", ENDLESS))
+    monkeypatch.setattr(interact, "LOOK_S", 0.05)
+    assert interact.epochs_learned(tmp_path) == 0, "nothing was asked where to act"
+
+    def enough() -> bool:
+        if (tmp_path / "began").exists():
+            write_json(tmp_path / "current" / "model.json", {"training": {"epochs": 21}})
+        return interact.epochs_learned(tmp_path) >= 21
+
+    assert interact.train((str(tmp_path),), 1, enough) is None and (tmp_path / "interrupted").exists()
 
 
 @pytest.mark.long

@@ -11,7 +11,6 @@ import argparse
 import hashlib
 import json
 import resource
-import shutil
 import subprocess
 import sys
 import time
@@ -21,7 +20,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from busybot.common import plugins
-from busybot.common.atomic_io import read_json, write_json
+from busybot.common.atomic_io import read_json, remove, write_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import first_fault
 from busybot.evaluation.results import code_digest
@@ -105,7 +104,7 @@ def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
     if same and (not known.done or all(out.exists() for out in outs)):
         return known
     for out in outs if not same else []:
-        shutil.rmtree(out, ignore_errors=True)
+        remove(out)
     note = Note(key=key, commands=commands)
     write_json(file, note.model_dump())
     return note

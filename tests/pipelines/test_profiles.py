@@ -291,6 +291,11 @@ def test_a_stage_notes_its_commands_and_time_and_begins_anew_when_its_key_change
     ((name, third),) = notes(tmp_path, read_profile("smoke"))
     assert name == "data/train" and third.seconds > second.seconds and third.done
     assert begin([out], "b", asked).seconds == 0 and not out.exists()
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    out.symlink_to(other)
+    begin([out], "c", asked)
+    assert not out.is_symlink() and other.is_dir(), "a link itself is removed, not what it leads to"
 
 
 @pytest.mark.parametrize("text", ['{"key": "a", ', "[" * 100_000, "[]", '{"key": "a"}', '{"key": 3, "commands": []}'])

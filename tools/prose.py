@@ -183,6 +183,7 @@ def claim(name: str) -> str:
     more = {
         "exploration": _exploration_of_the_papers_networks,
         "image-reward": _rewards_of_a_real_camera,
+        "colours": _colours_of_the_papers_networks,
         "planning": _plans,
     }
     grids = [plain_grid(heads, lines, "percent")]
@@ -305,18 +306,30 @@ def _plans_of_the_papers_network() -> str:
 
 def _exploration_of_the_papers_networks() -> str:
     """The same with the paper's networks after a short training, and both on the same boards."""
-    told = result("table1-paper")["rows"]
-    found, rows = rows_of(INTERACTION.number, told), ("paper-greedy", "paper")
-    words = {row.name: row.words for row in INTERACTION.rows}
-    places = [*product(NOVEL, ACTING)]
-    lines = [(words[row], [cell(_known(found[row], place)) for place in places]) for row in rows]
-    heads = [f"{objects}: {INTERACTION.keys[key]}" for objects, key in product(NOVEL.values(), ACTING)]
+    cells, grids = _with_the_papers_networks(("paper-greedy", "paper"), ACTING)
     for split in NOVEL:
-        greedy, exploring = (_known(found[row], (split, "recall")) for row in rows)
-        holds(f"exploration finds more links with the paper's networks, {split}", _above(exploring, greedy))
-    apart = _apart(Claim(INTERACTION, rows, ACTING, ()), words, told)
+        ahead = _above(cells["paper", split, "recall"], cells["paper-greedy", split, "recall"])
+        holds(f"exploration finds more links with the paper's networks, {split}", ahead)
+    return grids
+
+
+def _colours_of_the_papers_networks() -> str:
+    """The same with the paper's networks after a short training of each."""
+    cells, grids = _with_the_papers_networks(("paper-rgb", "paper"), TRIES)
+    return grids
+
+
+def _with_the_papers_networks(rows: tuple[str, ...], keys: tuple[str, ...]) -> tuple[Cells, str]:
+    """Figures of rows of the paper's networks, and these with comparisons on the same boards, for people."""
+    told = result("table1-paper")["rows"]
+    found, words = rows_of(INTERACTION.number, told), {row.name: row.words for row in INTERACTION.rows}
+    places = [*product(NOVEL, keys)]
+    cells = {(row, *place): _known(found[row], place) for row in rows for place in places}
+    lines = [(words[row], [cell(cells[row, *place]) for place in places]) for row in rows]
+    heads = [f"{objects}: {INTERACTION.keys[key]}" for objects, key in product(NOVEL.values(), keys)]
+    apart = _apart(Claim(INTERACTION, rows, keys, ()), words, told)
     grid = plain_grid(heads, lines, "percent, with the paper's networks")
-    return markdown([grid, plain_grid(heads, apart, "points on the same boards (p)")])
+    return cells, markdown([grid, plain_grid(heads, apart, "points on the same boards (p)")])
 
 
 REWARDS = {

@@ -19,8 +19,8 @@ from other seeds (`--seeds`) judge, and choose where they are curious, by themse
 
 - `stopping`: what is curious alone, on other drawn boards, of which there can be many more.
 
-"I know" is said when all parents that are claimed are right with a probability of `CERTAIN`, by the model: after how
-many actions, and how often a parent is then missing or wrong. No test split is looked at.
+"I know" is said when every responder's likeliest parents are right with a probability of `CERTAIN`, by the model: after
+how many actions, and how often a parent is then missing or wrong. No test split is looked at.
 """
 
 import argparse

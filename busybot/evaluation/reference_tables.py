@@ -89,6 +89,7 @@ INTERACTION = Table(
         ReferenceRow("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
         ReferenceRow("paper", "the paper's networks", "competitor", "BusyBot"),
         ReferenceRow("paper-greedy", "the paper's networks, without exploration", "competitor", "without exploration"),
+        ReferenceRow("paper-rgb", "the paper's networks, RGB instead of depth", "competitor", "RGB"),
         ReferenceRow("random", "random elevated pixels and directions", "trivial"),
     ),
     paper={

@@ -192,7 +192,7 @@ class Curious(Protocol):
         ...
 
     def certainty(self, seen: BoardSequence) -> float:
-        """The probability that the likeliest parents of all responders are the right ones, 0 to 1."""
+        """The probability, 0 to 1, that the likeliest parents are the right ones, of the least sure responder."""
         ...
 
 

@@ -137,13 +137,17 @@ def yields(responders: np.ndarray, tries: Sequence[tuple[int, bool, bool]], lock
 
 
 def certainty(found: Explanations, shares: np.ndarray) -> float:
-    """The probability that the likeliest set of parents of every responder is the right one.
+    """The probability that the likeliest set of parents is the right one, of the responder of which that is least sure;
+    1 where nothing responds.
+
+    Not of all together: where much was seen a model is surer than it says, of every responder, so that a product is far
+    too low, and lower the more responders there are.
 
     Args:
         shares: float (R, H), the probability of each explanation.
     """
     _, which = np.unique(found.inputs, axis=0, return_inverse=True)
-    return float(np.prod([np.bincount(which.ravel(), own).max() for own in shares]))
+    return float(min((np.bincount(which.ravel(), own).max() for own in shares), default=1.0))
 
 
 def _states(responders: np.ndarray) -> np.ndarray:

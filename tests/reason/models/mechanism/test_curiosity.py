@@ -58,6 +58,9 @@ def test_certainty_is_that_of_sets_of_parents() -> None:
     several = np.zeros((1, len(found.own)))  # explanations of one set are not told apart
     several[0, np.flatnonzero((found.inputs == np.array([True, False, False])).all(1))[:4]] = 0.25
     assert certainty(found, several) == 1
+    both = np.concatenate([several, shares_of(found, (0,), (1,))])
+    assert certainty(found, both) == 0.5, "of the responder that is least sure"
+    assert certainty(found, both[:0]) == 1, "nothing responds"
 
 
 def test_the_shipped_model_becomes_sure_of_a_gate_and_wants_to_see_what_it_has_not() -> None:

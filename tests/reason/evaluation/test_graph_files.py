@@ -52,6 +52,10 @@ def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert graph_lines(values | {"edges": [first | {"lag": 1}]})[0].endswith("after 1 more action")
     assert graph_lines(values | {"edges": [second]})[0] == "nothing is claimed"
+    strange = values | {"edges": [first | {"mechanism": "a\x1b[2J\nb"}], "model": "m\x1b[2J\nine"}
+    write_graph(tmp_path / "strange", strange)
+    head, line, *_ = (tmp_path / "strange" / "000000.txt").read_text().split("\n")
+    assert head.startswith("board 0, inferred by m\\x1b[2J\\nine after") and "a\\x1b[2J\\nb" in line
     bare = [node | {"box": None if node["role"] == "trigger" else node["box"]} for node in values["nodes"]]
     assert graph_lines({"nodes": bare, "edges": []})[0].startswith("nothing is claimed: no trigger has a box; ")
     write_graph(tmp_path, values)

@@ -15,7 +15,9 @@ way round their links are.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
@@ -42,6 +44,9 @@ from busybot.training.model_cards import (
     read_info,
 )
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
+
+if TYPE_CHECKING:
+    from torch import nn
 
 Config = EventConfig | PaperReasonConfig | MechanismConfig
 CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig] | type[MechanismConfig]] = {
@@ -86,6 +91,8 @@ def train_reason(
     config = suited(config if model is None else like(config, model), datasets)
     origin = [origin_of(dataset) for dataset in datasets]
     begun = {} if model is None else {"start": file_hashes(model)}
+    if model is not None:
+        refuse_other_sizes(config, model)  # before anything is written: the same command with others would be refused
     begin_folder(out, config, seed, data=origin, **begun)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", ReasonerInfo)
@@ -175,21 +182,50 @@ LEARNED_BESIDE = ("unseen", "apart")
 """Sizes of what is learned anew, see `Learner.learned_beside`."""
 
 
-def begin_with(learner: Learner, model: Path) -> None:
-    """Give a learner's network the weights of a model, all but those that are learned beside it.
+def refuse_other_sizes(config: Config, model: Path) -> None:
+    """Refuse a model with whose weights no training with these parameters can begin.
 
     Raises:
         BusybotError: the model is damaged.
         UsageError: its network has other sizes.
     """
-    file, own, beside = model / WEIGHTS_FILE, learner.network.state_dict(), learner.learned_beside
-    found = load_tensors(file).tensors
+    file, (network, beside) = model / WEIGHTS_FILE, _sizes(config)
+    own, found = network.state_dict(), load_tensors(file).tensors
     check_weights(file, read_info(model, ReasonerInfo))
     for name in sorted({*own, *found}):
         theirs, wanted = (tuple(each[name].shape) if name in each else "absent" for each in (found, own))
         if not name.startswith(beside) and theirs != wanted:
             what = f"{file}: {name} is {theirs}, and in this training {wanted}"
             raise UsageError(what, "leave its sizes as they are, or begin with another model")
+
+
+def _sizes(config: Config) -> tuple["nn.Module", tuple[str, ...]]:
+    """A network without numbers, and `Learner.learned_beside` of who trains such ones."""
+    import torch
+
+    make: Callable[[], nn.Module]
+    beside: tuple[str, ...] = ()
+    if isinstance(config, PaperReasonConfig):
+        from busybot.reason.models.paper.networks import network_of
+
+        make = partial(network_of, config)
+    elif isinstance(config, MechanismConfig):
+        from busybot.reason.models.mechanism.networks import MechanismNet
+        from busybot.reason.models.mechanism.training.learner import MechanismLearner
+
+        make, beside = partial(MechanismNet, config.net), MechanismLearner.learned_beside
+    else:
+        from busybot.reason.models.event.networks import EventNet
+
+        make = partial(EventNet, config.net)
+    with torch.device("meta"):  # nothing is drawn
+        return make(), beside
+
+
+def begin_with(learner: Learner, model: Path) -> None:
+    """Give a learner's network the weights of a model, all but those that are learned beside it."""
+    file, own, beside = model / WEIGHTS_FILE, learner.network.state_dict(), learner.learned_beside
+    found = load_tensors(file).tensors
     load_weights(learner.network, {name: own[name] if name.startswith(beside) else found[name] for name in own}, file)
 
 

@@ -119,6 +119,8 @@ def reason(
         raise UsageError(
             "--graph judges graphs that are there, and no model", "leave --reasoner, --config and --set out"
         )
+    if graph is not None and figure is not None:
+        raise UsageError("--figure shows how scores grow, and graphs from files tell no earlier ones", "leave it out")
     names, files = reasoner or [usual_reasoner(target)], out or []
     _check_several(names, files, figure, graphs)
     for file in files:
@@ -149,9 +151,7 @@ def reason(
         say(f"wrote {file}")
     _warn_of(target, dict(zip(names, results, strict=True)))
     if figure is not None:
-        from busybot.view.figures.curves import images_figure
-
-        say(f"wrote {images_figure(figure, results[0])}")
+        _draw_images(figure, results[0])
     if json:
         print_json(results[0] if len(results) == 1 else {"results": results})
         return
@@ -159,6 +159,16 @@ def reason(
         if len(results) > 1:
             tell(f"{name}:")
         printing.reasoning(result, own.unjudged)
+
+
+def _draw_images(file: Path, result: dict[str, Any]) -> None:
+    """How scores grow with images, if there is any score."""
+    from busybot.view.figures.curves import images_figure
+
+    if any(value is not None for point in result["by_images"] for name, value in point.items() if name != "images"):
+        say(f"wrote {images_figure(file, result)}")
+    else:
+        warn(f"{file} was not drawn: no score could be told after any number of images")
 
 
 def _warn_of(dataset: "Dataset", results: dict[str, dict[str, Any]]) -> None:
@@ -298,7 +308,7 @@ def plan(
             help="Comma between them: noop, random, relation, predictive, busybot, search, oracle; mechanism, with a "
             "reasoner of that variant; trained ones with their folders: bc=DIR, ppo=DIR; told a part of the truth: "
             "search-true-relations, search-true-contacts, search-true-both.",
-            show_default="all that need no folder and are told nothing, and oracle",
+            show_default="all but mechanism that need no folder and are told nothing, and oracle",
         ),
     ] = "search,busybot,predictive,relation,random,noop,oracle",
     reasoner: Annotated[

@@ -193,8 +193,9 @@ def planning(result: dict[str, Any]) -> None:
 
     screen = console()
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
+    tasks = "task" if sum(result["kinds"].values()) == 1 else "tasks"
     table = _table(
-        f"{_origin(result)}: {kinds} tasks, at most {result['steps']} steps",
+        f"{_origin(result)}: {kinds} {tasks}, at most {counted(result['steps'], 'step')}",
         ("success", "95 %", "pooled", "looks", "solved", "steps", "CPU ms"),
     )
     for agent, row in result["agents"].items():

@@ -425,8 +425,8 @@ def _encoder_of(judging: ReasonEvaluation) -> str | None:
 def _summarised(judged: list[JudgedGraph], judging: ReasonEvaluation, seed: int) -> dict[str, Any]:
     """All metrics; a graph from a file says nothing of earlier actions."""
     told, given = summarise(judged, judging.images, seed), judging.given is not None
-    earlier: dict[str, Any] = {"discovery": [], "actions_until_found": None, "uncertain_by_images": []} if given else {}
-    return {**told, **earlier, "given": given}
+    earlier: dict[str, Any] = {"discovery": [], "actions_until_found": None, "uncertain_by_images": [], "by_images": []}
+    return {**told, **(earlier if given else {}), "given": given}
 
 
 def _check(judging: ReasonEvaluation, training: Dataset | None) -> None:

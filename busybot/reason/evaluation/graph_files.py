@@ -29,6 +29,7 @@ from pydantic import Field, ValidationError
 from busybot.common.atomic_io import read_json, sha256_of, write_atomically, write_json
 from busybot.common.errors import BusybotError
 from busybot.common.frozen_model import GivenModel, first_fault
+from busybot.common.text import one_line
 from busybot.episodes.episode import Episode
 from busybot.reason.inputs.observation import acted_objects, observe_episode
 from busybot.reason.models.base import InferredGraph, InferredLinks, ParentSet
@@ -324,7 +325,8 @@ def graph_lines(values: dict[str, Any]) -> list[str]:
             lines.append(", ".join(words))
     told = [f"{node['name']} {node['words']}" for node in values["nodes"] if "words" in node]
     told = [re.sub(r"\bobject (\d+)", lambda at: names[int(at[1])], one) for one in told]
-    return [*(lines or [f"nothing is claimed{_without_boxes(values['nodes'])}"]), *told]
+    # a graph from a file names mechanisms as it likes
+    return [*(map(one_line, lines) if lines else [f"nothing is claimed{_without_boxes(values['nodes'])}"]), *told]
 
 
 def _without_boxes(nodes: list[dict[str, Any]]) -> str:
@@ -338,5 +340,5 @@ def write_graph(folder: Path, values: dict[str, Any]) -> None:
     """Write a board's graph as JSON, and for people as text."""
     name = f"{values['board']:06d}"
     write_json(folder / f"{name}.json", values, folder)
-    head = f"board {values['board']}, inferred by {values['model']} after {values['actions']} actions"
+    head = f"board {values['board']}, inferred by {one_line(values['model'])} after {values['actions']} actions"
     write_atomically(folder / f"{name}.txt", "\n".join([head, *graph_lines(values), ""]).encode(), folder)

@@ -29,6 +29,7 @@ from busybot.common.frozen_model import GivenModel, first_fault
 from busybot.common.limits import MAX_ANSWERS_BYTES
 from busybot.common.process_pool import Progress, share
 from busybot.common.rng import generator
+from busybot.common.text import one_line
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
 from busybot.datasets.info import collect_command
@@ -171,7 +172,7 @@ class GivenAnswers:
 
 
 def _words(one: Question) -> str:
-    return f"{one.link} after step {one.step}, {one.actions} actions"
+    return f"{one_line(one.link)} after step {one.step}, {one.actions} actions"
 
 
 def read_answers(path: Path) -> GivenAnswers:

@@ -133,7 +133,8 @@ def images_figure(path: Path, result: dict[str, Any]) -> Path:
     _draw_images(axes, result["by_images"])
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     origin = result["dataset"]
-    parts.draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {result['boards']} boards")
+    boards = f"{result['boards']} board{'s' * (result['boards'] != 1)}"
+    parts.draw_title(axes, result["model"], f"{origin['name']} ({origin['split']}), {boards}")
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, labelcolor=unit(INK))
     return parts.save_png(figure, path)
 

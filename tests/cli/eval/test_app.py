@@ -144,6 +144,18 @@ def test_a_folder_for_a_file_is_refused_before_the_work(dataset: Path, tmp_path:
         assert "inferring" not in result.stderr
 
 
+def test_curves_that_are_none_are_not_drawn(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "g.json").write_text('{"edges": []}')
+    refused = run(dataset, "--graph", tmp_path / "g.json", "--figure", tmp_path / "f.png")
+    assert refused.exit_code == 2 and "tell no earlier ones" in refused.stderr
+    short = make_dataset(tmp_path / "short", boards=1, finished=())
+    write_episode(short.episode_path(0), make_episode(0, steps=0))
+    short.write_tables()
+    done = run(short.path, "--reasoner", "count", "--workers", "1", "--figure", tmp_path / "f.png")
+    assert done.exit_code == 0 and "f.png was not drawn: no score" in done.stderr
+    assert not (tmp_path / "f.png").exists()
+
+
 def test_images_that_no_recording_has_are_told(dataset: Path, tmp_path: Path) -> None:
     file = tmp_path / "reason.json"
     shown = run(dataset, "--reasoner", "count", "--images", 500, "--out", file).stdout

@@ -32,6 +32,7 @@ def test_from_nothing_to_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[s
     printing.planning(values)
     shown = capsys.readouterr().out
     assert "oracle*" in shown and "noop missed because of not tried" in shown
+    assert "1 one-to-one task, at most 8 steps" in shown
 
 
 def test_what_is_at_fault_is_told(tmp_path: Path) -> None:

@@ -231,6 +231,7 @@ def test_a_training_may_begin_with_a_model(tmp_path: Path, data: Path) -> None:
 
     wide = run(*command("wide", "--set", "net.width=16", *start))
     assert wide.exit_code == 2 and "weights.safetensors: " in wide.stderr and "leave its sizes" in wide.stderr
+    assert not (tmp_path / "wide").exists(), "or the folder would refuse the command that is right"
     alone = run(*command("alone", "--from", "mechanism", "--set", "labels=pictures"))
     assert alone.exit_code == 2 and "was taught by true parents" in alone.stderr
     event = run(*command("event", "--from", "event"))

@@ -52,6 +52,10 @@ def test_mechanisms_and_lags_come_with_the_edges(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert graph_lines(values | {"edges": [first | {"lag": 1}]})[0].endswith("after 1 more action")
     assert graph_lines(values | {"edges": [second]})[0] == "nothing is claimed"
+    strange = values | {"edges": [first | {"mechanism": "a\x1b[2J\nb"}], "model": "m\x1b[2J\nine"}
+    write_graph(tmp_path / "strange", strange)
+    head, line, *_ = (tmp_path / "strange" / "000000.txt").read_text().split("\n")
+    assert head.startswith("board 0, inferred by m\\x1b[2J\\nine after") and "a\\x1b[2J\\nb" in line
     bare = [node | {"box": None if node["role"] == "trigger" else node["box"]} for node in values["nodes"]]
     assert graph_lines({"nodes": bare, "edges": []})[0].startswith("nothing is claimed: no trigger has a box; ")
     write_graph(tmp_path, values)
@@ -136,7 +140,8 @@ def test_a_strangers_nodes_are_found_by_their_boxes(dataset: Dataset, tmp_path: 
     (tmp_path / "all.json").write_text(json.dumps([told, *({"board": i, "edges": []} for i in (1, 3))]))
     result = evaluate_dataset(dataset, ReasonEvaluation(given=read_graphs(tmp_path / "all.json")), workers=1)
     assert result["boards"] == 3 and result["edge_r"] > 0
-    assert result["discovery"] == result["uncertain_by_images"] == [], "a file says nothing of earlier actions"
+    earlier = [result[key] for key in ("discovery", "uncertain_by_images", "by_images")]
+    assert earlier == [[], [], []], "a file says nothing of earlier actions"
 
 
 def test_the_earliest_of_an_objects_lags_and_the_likeliest_of_equal_edges_count(tmp_path: Path) -> None:

@@ -100,6 +100,8 @@ def test_what_is_no_answer_is_named(asked: tuple[Path, Path, list[dict[str, Any]
     assert "line 1: board: Input should be" in refused([{**last, "board": "x"}])
     told = refused([*pairs[:-1], {**last, "step": last["step"] + 1}])
     assert f"{place}: it is about {last['link']} after step {last['step'] + 1}" in told
+    told = refused([*pairs[:-1], {**last, "link": "switch\nerror: nothing"}])
+    assert f"{place}: it is about switch\\nerror: nothing after step" in told, "no line of ours"
     assert "board 9, question 0: nobody asked that" in refused([*pairs, {**last, "board": 9, "question": 0}])
     for line in ("{nope", '{"board": NaN}', "[" * 100_000, f'{{"board": {"9" * 5000}}}'):
         (tmp_path / "bad.jsonl").write_text(line)

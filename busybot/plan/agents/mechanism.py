@@ -52,7 +52,9 @@ class Locks:
 
     shown: list[tuple[int, ...]]
     tries: dict[int, list[tuple[int, bool]]] = field(default_factory=dict)
-    _told: dict[tuple[int, tuple[int, ...]], bool] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _told: dict[tuple[int, tuple[int, ...], int], bool] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def add(self, link: int, moved: bool, then: int = -1) -> None:
         """That a link moved or did not, as responders looked then, by default when they were seen last."""
@@ -61,9 +63,10 @@ class Locks:
 
     def held(self, link: int, shown: tuple[int, ...]) -> bool:
         """Whether the link would rather not give if the responders showed this; False of one that never failed."""
-        if (link, shown) not in self._told:
-            self._told[link, shown] = self._failed(link) and self._yields(link, shown) < 0.5
-        return self._told[link, shown]
+        asked = link, shown, len(self.shown)  # a state that was not seen before may be what lets it go
+        if asked not in self._told:
+            self._told[asked] = self._failed(link) and self._yields(link, shown) < 0.5
+        return self._told[asked]
 
     def _failed(self, link: int) -> bool:
         return any(not moved for _, moved in self.tries.get(link, []))

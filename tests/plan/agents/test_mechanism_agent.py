@@ -187,6 +187,13 @@ def test_a_link_may_wait_for_a_state_that_others_were_tried_in() -> None:
     assert not locks_of(*tries, met=(2,)).held(0, (2,)) and not locks_of(*tries, met=(1,)).held(0, (0,))
 
 
+def test_what_was_said_of_a_link_is_thought_over_when_another_state_was_seen() -> None:
+    locks = Locks([(1,), (0,)], {1: [(0, False), (1, False), (1, False), (1, True)]})
+    assert not locks.held(1, (1,))
+    locks.shown.append((2,))
+    assert locks.held(1, (1,)) == Locks(locks.shown, locks.tries).held(1, (1,)) is True
+
+
 def test_a_link_that_never_failed_is_not_held() -> None:
     locks = locks_of(*((link, (0, 0), False) for link in range(4)), (4, (0, 0), True))
     assert not locks.held(4, (1, 1)) and not locks.held(5, (0, 0))

@@ -67,6 +67,8 @@ AGENT = "search"
 """Reaches the goal."""
 TASK_STEPS, TASKS_SEEN = 3, 20
 """The task takes so many actions at the least, if one of so many does."""
+SEEDS = 2**63
+"""A dataset's seed is smaller."""
 
 GATES, MECHANISMS = "gates", "mechanism"
 """A world in which it takes two links for an effect, and the model that finds out which."""
@@ -106,10 +108,13 @@ def run_demo(
         model: of the policy that acts: a shipped model's name, or a folder.
 
     Raises:
-        BusybotError: the folder is not empty, there is no such model, or the environment is at fault.
+        BusybotError: the folder is not empty, there is no such model, the seed is too large, or the environment is at
+            fault.
     """
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BusybotError(f"{out}: it exists and is not an empty folder", "name another with --out, or remove it")
+    if seed + TASKS_SEEN > SEEDS:
+        raise BusybotError(f"--seed {seed}: boards are drawn from it and those that follow", f"give less than {SEEDS}")
     policy, library = policy_config(load_once(model).info, {}), find(assets)
     say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
     # levers with three positions and panels on every board: more to discover

@@ -161,7 +161,8 @@ def _none_fits(config: BoardConfig, group: int, counted: Redraws) -> BusybotErro
         f"{counted['relations']} had more trigger links than compatible responders "
         f"(or fewer than {config.group_size} different sets of relations)",
         "ask for fewer objects, more responders, a smaller margin or a smaller group_size"
-        + ("" if config.world == PAPER else "; or for other links, or fewer locks (depth)"),
+        + ("; or for other links" if config.links or config.world != PAPER else "")
+        + (", or fewer locks (depth)" if config.world != PAPER else ""),
     )
 
 

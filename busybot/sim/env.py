@@ -149,7 +149,8 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         try:
             position, direction = np.asarray(action["position"], np.float32), int(action["direction"])
             known = position.shape == (3,) and np.isfinite(position).all() and 0 <= direction < len(DIRECTIONS)
-        except (LookupError, TypeError, ValueError):  # a tuple, no such key, or no number there
+            known = known and direction == action["direction"]
+        except (LookupError, TypeError, ValueError, OverflowError):  # a tuple, no such key, or no number there
             known = False
         if not known:
             raise BusybotError(f"the action {action} is not one", "see `env.action_space`")
@@ -160,6 +161,7 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
 
     def render(self) -> np.ndarray | None:
         """The present image, uint8 (H, W, 3), in mode `rgb_array`."""
+        self._playing()
         return self._image.rgb.copy() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
@@ -187,8 +189,15 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         return self._rays
 
     def position_at(self, row: int, column: int) -> np.ndarray:
-        """What the camera sees at a pixel, board frame, float32 (3,); the camera's own place where it sees nothing."""
+        """What the camera sees at a pixel, board frame, float32 (3,); the camera's own place where it sees nothing.
+
+        Raises:
+            BusybotError: the picture has no such pixel.
+        """
         self._playing()
+        if not (0 <= row < self._view.height and 0 <= column < self._view.width):
+            what = f"there is no pixel in row {row}, column {column}"
+            raise BusybotError(what, f"the picture has {self._view.height} rows and {self._view.width} columns")
         assert self._image.depth is not None
         return np.asarray(self._rays.point(self._image.depth, (column, row)), np.float32)
 
@@ -269,7 +278,14 @@ class PixelActions(gymnasium.ActionWrapper[Observation, np.ndarray, Core], Recor
 
     def action(self, action: np.ndarray) -> Core:
         """The core environment's action. A pixel where the camera sees nothing lies at the camera: a miss."""
-        if not self.action_space.contains(np.asarray(action, np.int64)):
+        try:
+            values = np.asarray(action)
+            with np.errstate(invalid="ignore"):  # what is no number, or too large
+                whole = values.astype(np.int64)
+            known = self.action_space.contains(whole) and np.array_equal(whole, values)
+        except (TypeError, ValueError, OverflowError):
+            known = False
+        if not known:
             raise BusybotError(f"the action {action} is not one", f"it must lie in {self.action_space}")
         row, column, direction = (int(value) for value in action)
         return {"position": _board(self.env).position_at(row, column), "direction": direction}

@@ -291,3 +291,9 @@ def test_what_is_recorded_of_a_configuration_draws_the_same_boards(world: str, l
     config = BoardConfig(world=world, **links)
     assert BoardConfig.model_validate(config.model_dump(mode="json")) == config
     assert ("links" in config.model_dump(mode="json")) == (world == "gates" or config.links is not None)
+
+
+def test_where_no_board_has_as_many_links_the_hint_names_links() -> None:
+    with pytest.raises(BusybotError, match="no board of group 0 fits") as error:
+        list(generate_boards(BoardConfig(boards=1, group_size=1, links=(1, 1)), find("procedural")))
+    assert "for other links" in str(error.value.hint) and "depth" not in str(error.value.hint)

@@ -52,6 +52,12 @@ def test_the_demo_leaves_a_report_whose_links_and_commands_work(tmp_path: Path) 
     assert result["edge_p"] > 0.9 and result["edge_r"] > 0.8, "the learned policy moves nearly every link in 22 actions"
 
 
+def test_a_seed_that_no_dataset_can_have_is_refused_at_once(tmp_path: Path) -> None:
+    done = busybot("demo", "--out", tmp_path / "demo", "--seed", str(2**63 - 1))
+    assert done.returncode == 1 and "--seed" in done.stderr and "Traceback" not in done.stderr
+    assert not (tmp_path / "demo").exists()
+
+
 def test_a_folder_with_something_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "mine").write_text("precious")
     done = busybot("demo", "--out", tmp_path)

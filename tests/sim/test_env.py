@@ -162,7 +162,11 @@ def test_relations_of_a_real_board_differ_from_seed_to_seed() -> None:
 
 
 @pytest.mark.parametrize(
-    "action", [(0, 0, 7), np.zeros(4), {"position": np.zeros(3)}, {"position": "x", "direction": 1}]
+    "action",
+    [
+        *((0, 0, 7), np.zeros(4), {"position": np.zeros(3)}, {"position": "x", "direction": 1}),
+        *({"position": np.zeros(3), "direction": direction} for direction in (1.7, np.inf)),
+    ],
 )
 def test_what_is_no_action_is_refused_by_name(env: BusyBoardEnv, action: Any) -> None:
     env.reset(seed=0)
@@ -171,9 +175,18 @@ def test_what_is_no_action_is_refused_by_name(env: BusyBoardEnv, action: Any) ->
     assert error.value.hint == "see `env.action_space`"
 
 
-def test_acting_before_reset_is_refused() -> None:
-    with pytest.raises(BusybotError, match="reset"):
-        BusyBoardEnv(render=SMALL).step({"position": np.zeros(3), "direction": 0})
+def test_acting_and_looking_before_reset_is_refused() -> None:
+    env = BusyBoardEnv(render=SMALL, render_mode="rgb_array")
+    for too_early in (lambda: env.step({"position": np.zeros(3), "direction": 0}), env.render):
+        with pytest.raises(BusybotError, match="reset"):
+            too_early()
+
+
+def test_pixels_beside_the_picture_show_nothing(env: BusyBoardEnv) -> None:
+    env.reset(seed=0)
+    for row, column in ((-1, 0), (0, 160), (120, 0)):
+        with pytest.raises(BusybotError, match="there is no pixel"):
+            env.position_at(row, column)
 
 
 def test_a_position_at_the_camera_or_behind_it_holds_nothing(env: BusyBoardEnv) -> None:

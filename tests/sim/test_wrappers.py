@@ -52,6 +52,13 @@ def test_actions_outside_of_the_picture_are_refused(env: gymnasium.Env[Any, Any]
             wrapped.action(np.array(action))
 
 
+@pytest.mark.parametrize("action", [None, "abc", {"row": 1}, [1.7, 2, 3], [np.nan, 1, 1], [1e30, 1, 1], [2**70, 1, 1]])
+def test_what_is_no_pixel_with_a_direction_is_refused_by_name(env: gymnasium.Env[Any, Any], action: Any) -> None:
+    env.reset(seed=0)
+    with pytest.raises(BusybotError, match="is not one"):
+        PixelActions(env).action(action)
+
+
 def test_one_array_holds_what_the_dictionary_holds(env: gymnasium.Env[Any, Any]) -> None:
     plain, _ = env.reset(seed=1)
     both = ImageObservations(env, "rgbd").observation(plain)

@@ -179,7 +179,8 @@ def _hand(views: Views, strength: float, frame: int, draw: Draw) -> Views:
     roundness = cv2.distanceTransform((cover > 0).astype(np.uint8), cv2.DIST_L2, 3) / (depth.shape[0] / 20)
     skin = np.array(SKIN[int(passing[1].integers(len(SKIN)))]) * (0.6 + 0.4 * roundness.clip(0, 1))[..., None]
     opaque = cover[..., None] / np.float32(255)
-    near = HAND_NEAR * depth[depth > 0].min(initial=np.inf)
+    # where nothing was hit anywhere, nobody knows how near that is: then the hand has no depth either
+    near = HAND_NEAR * depth[depth > 0].min() if (depth > 0).any() else 0.0
     return (rgb * (1 - opaque) + skin * opaque).astype(np.uint8), np.where(cover > 127, np.float32(near), depth)
 
 

@@ -104,7 +104,7 @@ class Surroundings:
         _add_sides(scene, "board", slab, self._material(spec, models, surfaces), lid=True)
 
     def _material(self, spec: BoardSpec, models: list[ObjectModel], surfaces: Surfaces) -> Any:
-        key = (spec.texture, spec.color, spec.objects, surfaces)
+        key = (spec.size, spec.texture, spec.color, spec.objects, surfaces)
         if self._surface[0] != key:
             shade = contact_shadow(spec, models)
             if surfaces == USUAL_SURFACES:

@@ -14,6 +14,8 @@ from busybot.sim.thumbnails import GROUND, thumbnails
 from busybot.view.palette import FAINT, INK, MUTED
 
 FORMATS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".webp": "WEBP"}
+MOST_PIXELS = {"PNG": 2**31 - 1, "JPEG": 65500, "WEBP": 16383}
+"""Of a side."""
 QUALITY = 88
 COLUMNS = 12
 EMPTY = 3
@@ -68,6 +70,10 @@ def sheet(
     for category in CATEGORIES:
         _trim(pictures, [key for key in keys if key.startswith(f"{category}/")])
     image = _Page(cell, columns, shown, pictures).draw(f"{library.name}: {len(keys)} objects")
+    most = MOST_PIXELS[FORMATS[path.suffix.lower()]]
+    if max(image.size) > most:
+        what = f"{path}: a sheet of {image.width} x {image.height} pixels; {path.suffix} has room for {most} a side"
+        raise BusybotError(what, "end the name in .png, or draw smaller portraits: --cell 150 --columns 12")
     buffer = io.BytesIO()
     image.save(buffer, FORMATS[path.suffix.lower()], quality=QUALITY, optimize=True)
     try:
@@ -113,7 +119,8 @@ class _Page:
                 x, top = self.margin + column * self.cell, y + row * step
                 image.paste(Image.fromarray(self.pictures[key]), (x, top))
                 place = (x + self.cell / 2, top + step - self.caption)
-                pen.text(place, key.split("/")[1], MUTED, _font(0.085 * self.cell), anchor="ma")
+                font = _font(0.085 * self.cell)
+                pen.text(place, _fitting(key.split("/")[1], font, 0.96 * self.cell), MUTED, font, anchor="ma")
             y += total
         return image
 
@@ -124,6 +131,16 @@ class _Page:
         pen.text((self.margin, base), name, INK, font, anchor="ls")
         after = self.margin + pen.textlength(f"{name}  ", font)
         pen.text((after, base), f"{SPLITS[split]} ({count})", MUTED, font, anchor="ls")
+
+
+def _fitting(name: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
+    """The name, or as much of its beginning and end as a caption has room for; long ones often differ at the end."""
+    shown = name
+    for left in range(len(name) - 1, 1, -1):
+        if font.getlength(shown) <= width:
+            break
+        shown = f"{name[: left - left // 2]}…{name[len(name) - left // 2 :]}"
+    return shown
 
 
 def _font(pixels: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:

@@ -141,9 +141,23 @@ def _draw_curves(axes: Any, episode: Episode, inferred: InferredGraph, moments: 
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set_xlabel("steps", fontsize=8, color=unit(MUTED))
     axes.legend(
-        loc="lower right", facecolor=unit(PAPER), framealpha=1, edgecolor="none", fontsize=8, labelcolor=unit(INK)
+        loc=_free_corner(precision, recall),
+        facecolor=unit(PAPER),
+        framealpha=1,
+        edgecolor="none",
+        fontsize=8,
+        labelcolor=unit(INK),
     )
     parts.draw_title(axes, inferred.name, f"board {episode.board.index} of {episode.board.split}")
+
+
+def _free_corner(*curves: np.ndarray) -> str:
+    """Where at the right a legend hides none of the curves (T,), shares; at the lower corner if it can."""
+    last = np.concatenate([curve[len(curve) // 2 :] for curve in curves])
+    for corner, low, high in (("lower right", -1.0, 0.3), ("center right", 0.3, 0.7), ("upper right", 0.8, 2.0)):
+        if not ((last > low) & (last < high)).any():
+            return corner
+    return "lower right"
 
 
 PICTURES_PER_ROW = 6

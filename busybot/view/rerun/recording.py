@@ -5,6 +5,7 @@ episode's own clock, one second a step. The layout: what the camera sees, what f
 how it came.
 """
 
+import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,7 +150,7 @@ def save_rrd(
         # in strict mode a mistake in logging raises; otherwise it would be a warning and a hole in the picture
         with replacing_by_path(path) as temporary, catch_and_log_exceptions(strict=True):
             recording = rr.RecordingStream(
-                APPLICATION, recording_id=name, send_properties=False, batcher_config=_BATCHES
+                APPLICATION, recording_id=_identity(episode), send_properties=False, batcher_config=_BATCHES
             )
             recording.set_log_time_enabled(False)
             recording.set_log_tick_enabled(False)
@@ -163,6 +164,13 @@ def save_rrd(
         raise BusybotError(f"{path}: cannot be written: {error.strerror}", "choose another place") from None
     except RuntimeError as error:
         raise BusybotError(f"{path}: Rerun cannot write it: {error}", "choose another place") from None
+
+
+def _identity(episode: Episode) -> str:
+    """The recording's id: Rerun puts what has one id into one recording, and board 0 of a split is in many datasets."""
+    made = hashlib.sha256(f"{episode.board.digest()} {episode.policy} {episode.settings} {episode.renderer}".encode())
+    made.update(episode.actions.tobytes())
+    return made.hexdigest()[:32]
 
 
 def blueprint(

@@ -95,6 +95,14 @@ def test_same_board_same_picture(procedural_simulator: Simulator, board: BoardSp
     assert np.array_equal(first.rgb, second.rgb) and np.array_equal(first.depth, second.depth)
 
 
+def test_a_board_of_another_size_has_a_surface_of_its_own(small_simulator: Simulator) -> None:
+    usual = lone_board(small_simulator.library.get("Switch/fader-01"))
+    smaller = usual.model_copy(update={"size": (2.0, 2.0)})
+    alone = small_simulator.board(smaller).observe()
+    small_simulator.board(usual)
+    assert np.array_equal(small_simulator.board(smaller).observe().rgb, alone.rgb)
+
+
 @pytest.mark.parametrize("shader", ["minimal", "default"])
 @pytest.mark.long
 def test_other_shader_packs_see_the_same_geometry(

@@ -165,6 +165,14 @@ def test_a_hand_hides_a_part_nearer_than_all_else_for_some_frames() -> None:
     assert np.array_equal(take_photo(CLEAN, CameraConfig(hand=0.25, shadow=0.5), ORIGIN, GOAL_FRAME).rgb, CLEAN.rgb)
 
 
+def test_a_hand_before_nothing_has_no_depth() -> None:
+    """A camera that looks past board and table sees nothing that a hand could be nearer than."""
+    nothing = replace(CLEAN, depth=np.zeros_like(CLEAN.depth))
+    for frame in FRAMES:
+        depth = photo(CameraConfig(hand=0.25), frame, nothing).depth
+        assert depth is not None and not depth.any()
+
+
 def test_depth_frays_at_edges_only_and_has_holes_of_its_share() -> None:
     frayed = photo(CameraConfig(depth_edges=1), 2)
     assert frayed.depth is not None and CLEAN.segmentation is not None

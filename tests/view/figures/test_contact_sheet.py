@@ -11,7 +11,7 @@ from busybot.common.errors import BusybotError
 from busybot.objects.library import Library
 from busybot.objects.resolve import find
 from busybot.sim.thumbnails import GROUND, thumbnails
-from busybot.view.figures.contact_sheet import groups, sheet
+from busybot.view.figures.contact_sheet import _fitting, _font, groups, sheet
 
 KEYS = ("Door/hatch-01", "Lamp/star-01", "Lamp/tulip-01", "Switch/bolt-01", "Switch/fader-01", "Switch/slider-01")
 
@@ -69,6 +69,21 @@ def test_the_ending_decides_the_format(few: Library, tmp_path: Path, name: str, 
     sheet(tmp_path / name, one, cell=48)
     with Image.open(tmp_path / name) as image:
         assert image.format == kind
+
+
+def test_a_sheet_with_no_room_in_its_format_is_refused(few: Library, tmp_path: Path) -> None:
+    one = replace(few, objects={"Switch/bolt-01": few.get("Switch/bolt-01")})
+    with pytest.raises(BusybotError, match="has room for 16383 a side") as error:
+        sheet(tmp_path / "a.webp", one, cell=64, columns=300)
+    assert "--cell 150" in str(error.value.hint) and not (tmp_path / "a.webp").exists()
+
+
+def test_long_names_stay_below_their_portraits() -> None:
+    font = _font(12.75)
+    assert _fitting("bolt-01", font, 144) == "bolt-01"
+    long, other = (f"door-handle-with-two-buttons-and-a-key-{number}" for number in (1, 2))
+    assert font.getlength(_fitting(long, font, 144)) <= 144 < font.getlength(long)
+    assert _fitting(long, font, 144) != _fitting(other, font, 144)
 
 
 def test_other_endings_and_places_are_refused(few: Library, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from busybot.boards.true_causes import relations_at
 from busybot.reason.models.base import InferredGraph
 from busybot.view.annotations import truth_matrix
 from busybot.view.figures.episode import refinement_figure
-from busybot.view.figures.sequences import belief_figure
+from busybot.view.figures.sequences import _free_corner, belief_figure
 from busybot.view.palette import CORRECT, RESPONDER, TRUTH, WRONG
 from tests.episodes.symbolic import library_at, make_world_episode, world_boards
 from tests.episodes.synthetic import make_episode, make_real_episode
@@ -51,6 +51,15 @@ def test_steps_that_the_episode_does_not_have_are_left_out(tmp_path: Path) -> No
         belief_figure(tmp_path / f"{n}.png", make_episode(), GUESS, s) for n, s in (("a", (1, 3)), ("b", (1, 3, 22)))
     )
     assert few.read_bytes() == many.read_bytes()
+
+
+def test_a_legend_hides_no_curve() -> None:
+    """What is found late has low curves where the legend usually is."""
+    nothing, late = np.full(8, np.nan), np.array([0, 0, 0, 0, 0, 0, 0.1, 0.2])
+    assert _free_corner(np.ones(8), np.ones(8)) == "lower right"
+    assert _free_corner(np.ones(8), late) == _free_corner(nothing, late) == "center right"
+    assert _free_corner(late, np.full(8, 0.5)) == "upper right"
+    assert _free_corner(nothing) == "lower right"
 
 
 @pytest.mark.parametrize("episode", [make_real_episode(), make_episode(steps=0)], ids=["real board", "no steps"])

@@ -121,6 +121,15 @@ def test_equal_episodes_give_equal_recordings(tmp_path: Path) -> None:
     assert chunks[0] == chunks[1]
 
 
+def test_only_equal_episodes_have_one_id(tmp_path: Path) -> None:
+    """Rerun shows files with one id as one recording, and many datasets have a board 0 of the training split."""
+    episode = make_episode()
+    others = [replace(episode, board=episode.board.model_copy(update={"seed": 8})), replace(episode, settings={"a": 1})]
+    files = [saved(tmp_path / f"{n}.rrd", one) for n, one in enumerate([episode, episode, *others])]
+    first, same, *unlike = (RrdReader(file).recordings()[0].recording_id for file in files)
+    assert first == same and len({first, *unlike}) == 3
+
+
 @pytest.mark.parametrize("episode", [make_real_episode(), make_episode(steps=0)], ids=["real board", "no steps"])
 def test_recordings_that_know_little_are_shown_too(episode: Episode, tmp_path: Path) -> None:
     found = entities(saved(tmp_path / "e.rrd", episode))

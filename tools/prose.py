@@ -316,6 +316,14 @@ def _exploration_of_the_papers_networks() -> str:
 def _colours_of_the_papers_networks() -> str:
     """The same with the paper's networks after a short training of each."""
     cells, grids = _with_the_papers_networks(("paper-rgb", "paper"), TRIES)
+    row = result("table1-paper")["rows"]["paper-rgb"]
+    for split in NOVEL:
+        tests = row[split]["compared"]
+        behind = tests["precision"]["difference"] < 0 and tests["precision"]["p"] < 0.05
+        holds(f"fewer actions work by colours with the paper's networks, {split}", behind)
+        holds(f"they find as many links, as far as boards tell, {split}", tests["recall"]["p"] > 0.05)
+    config, other = (cells["paper-rgb", split, "precision"] for split in NOVEL)
+    holds("colours do no worse on new objects than on known ones", not (_above(config, other) or _above(other, config)))
     return grids
 
 

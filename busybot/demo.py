@@ -114,7 +114,9 @@ def run_demo(
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BusybotError(f"{out}: it exists and is not an empty folder", "name another with --out, or remove it")
     if seed + TASKS_SEEN > SEEDS:
-        raise BusybotError(f"--seed {seed}: boards are drawn from it and those that follow", f"give less than {SEEDS}")
+        raise BusybotError(
+            f"--seed {seed}: boards are drawn from it and those that follow", f"give at most {SEEDS - TASKS_SEEN}"
+        )
     policy, library = policy_config(load_once(model).info, {}), find(assets)
     say(f"drawing {BOARDS} boards with {len(library.objects)} {library.name} objects to choose from")
     # levers with three positions and panels on every board: more to discover

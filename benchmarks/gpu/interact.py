@@ -59,9 +59,11 @@ def train(command: tuple[str, ...], minutes: float, enough: Callable[[], bool] =
     signal.signal(signal.SIGINT, signal.default_int_handler)
     until = time.monotonic() + 60 * minutes
     with subprocess.Popen([*runner.BUSYBOT, *command]) as process:
-        while not enough() and (left := until - time.monotonic()) > 0:
+        while (left := until - time.monotonic()) > 0:
             with suppress(subprocess.TimeoutExpired):
                 return process.wait(min(LOOK_S, left))
+            if enough():
+                break
         process.send_signal(signal.SIGINT)
         try:
             process.wait(PATIENCE_S)

@@ -160,7 +160,11 @@ class BusyBoardEnv(gymnasium.Env[Observation, Core]):
         return self._observation(), float(step.reward), False, self._steps >= self.max_steps, self._truth(step)
 
     def render(self) -> np.ndarray | None:
-        """The present image, uint8 (H, W, 3), in mode `rgb_array`."""
+        """The present image, uint8 (H, W, 3), in mode `rgb_array`.
+
+        Raises:
+            BusybotError: no episode was begun.
+        """
         self._playing()
         return self._image.rgb.copy() if self.render_mode == "rgb_array" else None
 

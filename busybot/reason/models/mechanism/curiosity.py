@@ -140,8 +140,8 @@ def certainty(found: Explanations, shares: np.ndarray) -> float:
     """The probability that the likeliest set of parents is the right one, of the responder of which that is least sure;
     1 where nothing responds.
 
-    Not of all together: where much was seen a model is surer than it says, of every responder, so that a product is far
-    too low, and lower the more responders there are.
+    Not of all together: where much was seen a model is right more often than it says, of every responder, so that a
+    product is far too low, and lower the more responders there are.
 
     Args:
         shares: float (R, H), the probability of each explanation.

@@ -15,9 +15,7 @@ way round their links are.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
@@ -32,7 +30,7 @@ from busybot.reason.inputs.feature_store import features_of
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.mechanism.config import MechanismConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
-from busybot.reason.models.registry import ReasonerInfo
+from busybot.reason.models.registry import ReasonerInfo, make_network
 from busybot.training.checkpoint import load_tensors, load_weights, save_model
 from busybot.training.loop import Learner, fit
 from busybot.training.model_cards import (
@@ -44,9 +42,6 @@ from busybot.training.model_cards import (
     read_info,
 )
 from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
-
-if TYPE_CHECKING:
-    from torch import nn
 
 Config = EventConfig | PaperReasonConfig | MechanismConfig
 CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig] | type[MechanismConfig]] = {
@@ -189,8 +184,12 @@ def refuse_other_sizes(config: Config, model: Path) -> None:
         BusybotError: the model is damaged.
         UsageError: its network has other sizes.
     """
-    file, (network, beside) = model / WEIGHTS_FILE, _sizes(config)
-    own, found = network.state_dict(), load_tensors(file).tensors
+    import torch
+
+    with torch.device("meta"):  # sizes alone
+        own = make_network(config).state_dict()
+    file, beside = model / WEIGHTS_FILE, _learned_beside(config)
+    found = load_tensors(file).tensors
     check_weights(file, read_info(model, ReasonerInfo))
     for name in sorted({*own, *found}):
         theirs, wanted = (tuple(each[name].shape) if name in each else "absent" for each in (found, own))
@@ -199,27 +198,13 @@ def refuse_other_sizes(config: Config, model: Path) -> None:
             raise UsageError(what, "leave its sizes as they are, or begin with another model")
 
 
-def _sizes(config: Config) -> tuple["nn.Module", tuple[str, ...]]:
-    """A network without numbers, and `Learner.learned_beside` of who trains such ones."""
-    import torch
+def _learned_beside(config: Config) -> tuple[str, ...]:
+    """See `Learner.learned_beside`."""
+    if not isinstance(config, MechanismConfig):
+        return Learner.learned_beside
+    from busybot.reason.models.mechanism.training.learner import MechanismLearner
 
-    make: Callable[[], nn.Module]
-    beside: tuple[str, ...] = ()
-    if isinstance(config, PaperReasonConfig):
-        from busybot.reason.models.paper.networks import network_of
-
-        make = partial(network_of, config)
-    elif isinstance(config, MechanismConfig):
-        from busybot.reason.models.mechanism.networks import MechanismNet
-        from busybot.reason.models.mechanism.training.learner import MechanismLearner
-
-        make, beside = partial(MechanismNet, config.net), MechanismLearner.learned_beside
-    else:
-        from busybot.reason.models.event.networks import EventNet
-
-        make = partial(EventNet, config.net)
-    with torch.device("meta"):  # nothing is drawn
-        return make(), beside
+    return MechanismLearner.learned_beside
 
 
 def begin_with(learner: Learner, model: Path) -> None:

@@ -42,6 +42,11 @@ def multiplies_bfloat16() -> bool:
     return _multiplies_bfloat16(device())
 
 
+def rounds(asked: bool | None) -> bool:
+    """Whether to multiply in bfloat16: as it was asked for, or else where the device does so itself."""
+    return multiplies_bfloat16() if asked is None else asked
+
+
 @cache
 def _multiplies_bfloat16(on: torch.device) -> bool:
     if on.type == "cuda":

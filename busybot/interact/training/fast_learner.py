@@ -26,7 +26,7 @@ from busybot.interact.training.augmentation import Batch, cut_batch, draw_batch
 from busybot.interact.training.config import ReplayConfig, TrainConfig
 from busybot.interact.training.sample_cache import open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, multiplies_bfloat16, repeat_exactly, slices
+from busybot.training.device import device, repeat_exactly, rounds, slices
 from busybot.training.loop import Learner, Loop, cosine_rate, descend
 
 VALIDATION_BATCH = 128
@@ -189,8 +189,7 @@ class FastAffordanceLearner(Learner):
         if rng is not None and config.dropout and isinstance(network, DirectionNet):
             keep = (rng.random((len(batch.rows), HIDDEN), np.float32) >= config.dropout) / (1 - config.dropout)
             arguments.append(torch.from_numpy(keep.astype(np.float32)).to(on))
-        rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
-        with torch.autocast(on.type, torch.bfloat16, enabled=rounded):
+        with torch.autocast(on.type, torch.bfloat16, enabled=rounds(config.bfloat16)):
             outputs = network(*arguments)
         if isinstance(outputs, tuple):
             return tuple(output.float().cpu() for output in outputs)

@@ -52,7 +52,7 @@ from busybot.interact.training.config import PaperConfig
 from busybot.interact.training.round_recorder import Recorder, draw_training, finished
 from busybot.interact.training.sample_cache import Samples, cache_samples, open_samples
 from busybot.training.checkpoint import Checkpoint, initialise
-from busybot.training.device import device, keep_memory, multiplies_bfloat16
+from busybot.training.device import device, keep_memory, rounds
 from busybot.training.loop import Learner, Loop, descend
 from busybot.training.run_folder import Lines, Panel, learner_versions
 
@@ -84,7 +84,7 @@ class PaperAffordanceLearner(Learner):
     def __init__(self, out: Path, config: PaperConfig, seed: int, kind: Kind, size: Size):
         self.name: Kind = kind
         self.config, self.seed, self._rate = config.learn(kind), seed, partial(config.rate, kind)
-        self._rounded = multiplies_bfloat16() if config.bfloat16 is None else config.bfloat16
+        self._rounded = rounds(config.bfloat16)
         self.network = make_paper_network(kind, config.inputs, size)
         draws = generator(seed, "train", 0, f"paper/initial weights/{kind}")
         first = torch.Generator().manual_seed(int(draws.integers(2**63)))

@@ -27,6 +27,10 @@ from busybot.training.model_cards import INFO_FILE, WEIGHTS_FILE, ModelCard, che
 if TYPE_CHECKING:
     from torch import Tensor
 
+    from busybot.reason.models.event.config import EventConfig
+    from busybot.reason.models.mechanism.config import MechanismConfig
+    from busybot.reason.models.paper.config import PaperReasonConfig
+
 
 class ReasonerInfo(ModelCard):
     """What `model.json` says.
@@ -65,25 +69,38 @@ def _trained(info: ReasonerInfo, tensors: "dict[str, Tensor]", file: Path) -> Re
 
     if info.model == "event":
         from busybot.reason.models.event.config import EventConfig
-        from busybot.reason.models.event.networks import EventNet, EventReasoner
+        from busybot.reason.models.event.networks import EventReasoner
 
         event = EventConfig.model_validate(info.config)
-        net = network_with(lambda: EventNet(event.net), tensors, file)
-        return EventReasoner(net, info.encoder, event.loss.blur)
+        return EventReasoner(network_with(lambda: make_network(event), tensors, file), info.encoder, event.loss.blur)
     if info.model == "mechanism":
         from busybot.reason.models.mechanism.config import MechanismConfig
-        from busybot.reason.models.mechanism.networks import MechanismNet
         from busybot.reason.models.mechanism.reasoner import MechanismReasoner
 
         mechanism = MechanismConfig.model_validate(info.config)
-        return MechanismReasoner(network_with(lambda: MechanismNet(mechanism.net), tensors, file), info.encoder)
+        return MechanismReasoner(network_with(lambda: make_network(mechanism), tensors, file), info.encoder)
     from busybot.reason.models.paper.config import PaperReasonConfig
-    from busybot.reason.models.paper.networks import PaperReasoner, network_of
+    from busybot.reason.models.paper.networks import PaperReasoner
     from busybot.training.device import device
 
     config = PaperReasonConfig.model_validate(info.config)
-    network = network_with(lambda: network_of(config), tensors, file)
+    network = network_with(lambda: make_network(config), tensors, file)
     return PaperReasoner(network.to(device()), info.encoder)
+
+
+def make_network(config: "EventConfig | MechanismConfig | PaperReasonConfig") -> Any:
+    """The untrained network of a training with these parameters."""
+    if config.model == "event":
+        from busybot.reason.models.event.networks import EventNet
+
+        return EventNet(config.net)
+    if config.model == "mechanism":
+        from busybot.reason.models.mechanism.networks import MechanismNet
+
+        return MechanismNet(config.net)
+    from busybot.reason.models.paper.networks import network_of
+
+    return network_of(config)
 
 
 def usual_reasoner(dataset: Dataset) -> str:

@@ -102,7 +102,7 @@ def test_an_epoch_has_its_learning_rate(samples: Samples, tmp_path: Path) -> Non
 def test_it_multiplies_in_bfloat16_where_the_device_can_unless_it_is_told(
     able: bool, samples: Samples, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("busybot.interact.training.paper.multiplies_bfloat16", lambda: able)
+    monkeypatch.setattr("busybot.training.device.multiplies_bfloat16", lambda: able)
     losses = [
         learner_for("position", tmp_path / str(told), bfloat16=told).learn(samples, generator(0, "", 0, "test"))
         for told in (None, False, True)

@@ -103,7 +103,7 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
     model = row.model if row.model in ("random", DEFAULT_MODEL) else str(work / (row.model or name))
     if row.train is not None and (Path(model) / INFO_FILE).exists():  # trained elsewhere, perhaps not to the end
-        trained = {**_card_of(row, Path(model)), "cost": None}
+        trained = {**_card_of(row, Path(model), arguments.config), "cost": None}
     elif row.train is not None:
         config = runner.option("--config", arguments.config)
         options = ("--assets", arguments.assets, "--seed", str(row.seed), *row.train, *config)
@@ -131,8 +131,11 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
 
 
-def _card_of(row: Table1Row, model: Path) -> dict[str, Any]:
+def _card_of(row: Table1Row, model: Path, config: Path | None) -> dict[str, Any]:
     """What the card of a model that was trained elsewhere says of its training.
+
+    Args:
+        config: YAML file with parameters of every training.
 
     Raises:
         BusybotError: it is no training of this row.
@@ -141,7 +144,7 @@ def _card_of(row: Table1Row, model: Path) -> dict[str, Any]:
     words = row.train or ()
     kind: type[PaperConfig] | type[TrainConfig] = PaperConfig if words[:2] == PAPER else TrainConfig
     settings = [value for option, value in pairwise(words) if option == "--set"]
-    asked = build(kind, None, settings, {"interaction.strict": True if STRICT[0] in words else None})
+    asked = build(kind, config, settings, {"interaction.strict": True if STRICT[0] in words else None})
     told = asked.model_dump(mode="json", include={"inputs", "responders", "interaction", "render"})
     known = info.training.get("config", {})
     differing = [name for name, value in told.items() if not _alike(known.get(name), value)]

@@ -370,9 +370,12 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     known = {key: value for key, value in told["paper"]["training"].items() if key != "config"}
     assert known == {"epochs": 20, "schedule": 40, "seed": 0, "cost": None}, "a model is judged as it is"
     with pytest.raises(BusybotError, match=r"trained otherwise than this row is \(inputs"):
-        table1._card_of(table1.ROWS["paper-rgb"], tmp_path / "w" / "paper")
+        table1._card_of(table1.ROWS["paper-rgb"], tmp_path / "w" / "paper", None)
     with pytest.raises(BusybotError, match=r"trained otherwise than this row is \(responders\)"):
-        table1._card_of(table1.ROWS["paper-without-responders"], tmp_path / "w" / "paper")
+        table1._card_of(table1.ROWS["paper-without-responders"], tmp_path / "w" / "paper", None)
+    (tmp_path / "all.yaml").write_text("responders: false\n")
+    with pytest.raises(BusybotError, match=r"trained otherwise than this row is \(responders\)"):
+        table1._card_of(table1.ROWS["paper"], tmp_path / "w" / "paper", tmp_path / "all.yaml")
     monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/w", "--out", str(out), "--judge-seed", "808"])
     with pytest.raises(BusybotError, match="its rows are of other objects, or judged on other boards"):
         table1.main()

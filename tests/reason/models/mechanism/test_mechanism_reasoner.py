@@ -576,6 +576,15 @@ class ByThemselves(Right):
     wanted = (([], "own"), ([], "own"), ([], "none"))
 
 
+def test_what_would_not_fit_into_the_memory_is_refused_before_it_is_counted() -> None:
+    def board(actions: int) -> Trace:
+        return Trace(np.zeros((actions + 1, 6), int), np.zeros((actions + 1, 5), int), (2,) * 6)
+
+    assert explanations_of(board(60)).contexts.shape == (61, 301)
+    with pytest.raises(BusybotError, match=r"900 actions on a board of 6 links that moved and 5 responders: .* 13 GiB"):
+        explanations_of(board(900))
+
+
 def test_clocks_are_found_and_said(watched: BoardSequence) -> None:
     """The lamp 1 and the door 2 change at the same three moments; then the door once more, and has none."""
     shown = np.zeros((len(PRESSES) + 1, 5), int)

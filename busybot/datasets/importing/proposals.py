@@ -36,10 +36,10 @@ MAX_OBJECTS = 64
 
 @dataclass
 class _Place:
-    """A part of the picture: which pixels, bool (H, W); in how many steps it changed, in how many of these somebody
+    """A part of the picture: u0, v0, u1, v1 around it; in how many steps it changed, in how many of these somebody
     acted on it, and in how many of all."""
 
-    mask: np.ndarray
+    box: tuple[int, int, int, int]
     changed: int = 0
     own: int = 0
     acted: int = 0
@@ -49,6 +49,21 @@ class _Place:
         if not self.changed:
             return self.acted > 0
         return self.own * (steps - self.acted) > (self.changed - self.own) * self.acted
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """Parts of the picture, none of which overlap: int (H, W), the number of each pixel's, from 1 on, or 0; and u0, v0,
+    u1, v1 around each."""
+
+    labels: np.ndarray
+    boxes: list[tuple[int, int, int, int]]
+
+    def only(self, kept: Sequence[int] | np.ndarray) -> "_Parts":
+        """Some of them, counted from 0."""
+        numbers = np.zeros(len(self.boxes) + 1, int)
+        numbers[np.asarray(kept, int) + 1] = np.arange(len(kept)) + 1
+        return _Parts(numbers[self.labels], [self.boxes[one] for one in kept])
 
 
 @dataclass(frozen=True)
@@ -97,18 +112,21 @@ def propose(
     kernel = np.ones((2 * reach + 1,) * 2, np.uint8)
     every = np.zeros((height, width), np.uint8)
     for changed in steps:
-        every |= changed
-    places = [_Place(part) for part in _parts(cv2.morphologyEx(every, cv2.MORPH_CLOSE, kernel))]
+        every |= np.unpackbits(changed, axis=1, count=width)
+    parts = _parts(cv2.morphologyEx(every, cv2.MORPH_CLOSE, kernel))
     if raised is not None:
         ribbed = np.ones((2 * max(1, round(RIBS * width)) + 1,) * 2, np.uint8)
-        places = _standing(places, _parts(cv2.morphologyEx(raised, cv2.MORPH_CLOSE, ribbed)), still)
+        parts = _standing(parts, _parts(cv2.morphologyEx(raised, cv2.MORPH_CLOSE, ribbed)), still)
+    places = [_Place(box) for box in parts.boxes]
     for changed, pixel in zip(steps, pixels, strict=True):
-        for place in places:
-            acted = pixel is not None and _holds(_box(place.mask), pixel, reach)
-            differs = int((changed > 0)[place.mask].sum()) > LEAST / 4 * width * height
+        touched = parts.labels[np.unpackbits(changed, axis=1, count=width) > 0]
+        counts = np.bincount(touched, minlength=len(places) + 1)[1:]
+        for place, count in zip(places, counts.tolist(), strict=True):
+            acted = pixel is not None and _holds(place.box, pixel, reach)
+            differs = count > LEAST / 4 * width * height
             place.changed, place.own = place.changed + differs, place.own + (acted and differs)
             place.acted += acted
-    found = [Proposal("trigger" if one.moves(len(pixels)) else "responder", _box(one.mask)) for one in places]
+    found = [Proposal("trigger" if one.moves(len(pixels)) else "responder", one.box) for one in places]
     sides = [max(one.box[2] - one.box[0], one.box[3] - one.box[1]) for one in found]
     half = max(1, (int(np.median(sides)) if sides else width // 16) // 2)
     for pixel in pixels:
@@ -123,8 +141,8 @@ def propose(
 def _changes(
     pictures: Iterable[tuple[np.ndarray, np.ndarray | None]], camera: Camera
 ) -> tuple[list[np.ndarray], np.ndarray | None]:
-    """Pixels that each step changed, and those that stand raised at the beginning, uint8 (H, W) each; None without
-    depth."""
+    """Pixels that each step changed, packed as bits, uint8 (H, W / 8) each; and those that stand raised at the
+    beginning, uint8 (H, W), None without depth."""
     before, raised = None, None
     steps: list[np.ndarray] = []
     for rgb, depth in pictures:
@@ -134,31 +152,32 @@ def _changes(
             raised = (np.nan_to_num(heights) > ELEVATION).astype(np.uint8)
         if before is not None:
             differs = (cv2.absdiff(before, smooth).max(-1) > TOLERANCE).astype(np.uint8)
-            steps.append(cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)))
+            opened = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+            steps.append(np.packbits(opened > 0, axis=1))  # thousands are kept
         before = smooth
     return steps, raised
 
 
-def _parts(mask: np.ndarray) -> list[np.ndarray]:
-    """Connected parts of a sensible size, bool (H, W) each, the largest first."""
-    count, labels, facts, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+def _parts(mask: np.ndarray) -> _Parts:
+    """Connected parts of a sensible size."""
+    _, labels, facts, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     areas = facts[1:, cv2.CC_STAT_AREA]
-    kept = [number for number in range(1, count) if LEAST * mask.size <= areas[number - 1] <= MOST * mask.size]
-    return [labels == number for number in sorted(kept, key=lambda number: -areas[number - 1])]
+    boxes = [(u, v, u + width, v + height) for u, v, width, height in facts[1:, : cv2.CC_STAT_AREA].tolist()]
+    sensible = (LEAST * mask.size <= areas) & (areas <= MOST * mask.size)
+    return _Parts(labels, boxes).only(np.flatnonzero(sensible))
 
 
-def _standing(places: list[_Place], raised: list[np.ndarray], still: bool) -> list[_Place]:
+def _standing(moving: _Parts, raised: _Parts, still: bool) -> _Parts:
     """What moves at an object that stands there is that object; what moves where nothing stands stays, and what stands
     still only if that is asked for."""
-    owners = [max(range(len(raised)), key=lambda n: int((raised[n] & p.mask).sum()), default=-1) for p in places]
-    owners = [n if n >= 0 and (raised[n] & p.mask).any() else -1 for n, p in zip(owners, places, strict=True)]
-    kept = [place for owner, place in zip(owners, places, strict=True) if owner < 0]
-    return kept + [_Place(raised[n]) for n in (range(len(raised)) if still else sorted(set(owners) - {-1}))]
-
-
-def _box(mask: np.ndarray) -> tuple[int, int, int, int]:
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+    count = len(raised.boxes) + 1
+    pairs = np.bincount((moving.labels * count + raised.labels).ravel(), minlength=(len(moving.boxes) + 1) * count)
+    shared = pairs.reshape(-1, count)[1:, 1:]
+    loose = ~shared.any(1)
+    owners = set() if loose.all() else set(shared[~loose].argmax(1).tolist())
+    kept, found = moving.only(np.flatnonzero(loose)), raised.only(range(count - 1) if still else sorted(owners))
+    labels = np.where(found.labels > 0, found.labels + len(kept.boxes), kept.labels)
+    return _Parts(labels, kept.boxes + found.boxes)
 
 
 def _holds(box: tuple[int, int, int, int], pixel: tuple[int, int], reach: int) -> bool:

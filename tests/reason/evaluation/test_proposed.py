@@ -90,9 +90,9 @@ def test_ribs_of_one_thing_are_one_object() -> None:
 
 def test_what_changes_all_the_time_is_a_trigger_if_actions_change_it_more_often() -> None:
     """In 8 of 20 steps without an action on it, and in 4 of 5 with one; a lamp in 2 of 4 whoever acts."""
-    place = proposals._Place(np.zeros((1, 1), bool), changed=12, own=4, acted=5)
-    assert place.moves(25) and not proposals._Place(place.mask, 12, 2, 4).moves(24)
-    assert not proposals._Place(place.mask, 3, 0, 0).moves(24) and proposals._Place(place.mask, 0, 0, 1).moves(24)
+    place = proposals._Place((0, 0, 1, 1), changed=12, own=4, acted=5)
+    assert place.moves(25) and not proposals._Place(place.box, 12, 2, 4).moves(24)
+    assert not proposals._Place(place.box, 3, 0, 0).moves(24) and proposals._Place(place.box, 0, 0, 1).moves(24)
 
 
 def test_only_the_observed_pictures_propose() -> None:

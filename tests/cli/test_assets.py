@@ -80,6 +80,8 @@ def test_a_sheet_that_cannot_be_written_is_refused_before_it_is_drawn(
     (tmp_path / "file").write_text("")
     code, _, err = run("sheet", "--out", str(tmp_path / "file" / "deeper" / "sheet.png"))
     assert code == 1 and "file is no folder" in err and "another place for --out" in err
+    code, _, err = run("sheet", "--out", os.devnull)
+    assert code == 1 and "is a device or a pipe" in err and Path(os.devnull).is_char_device()
 
 
 def test_real_objects_are_fine(partnet: Path) -> None:

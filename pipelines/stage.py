@@ -28,6 +28,7 @@ from busybot.evaluation.results import code_digest
 ASSETS = "--assets"
 STATE = ".stages"
 NOTE_EVERY_S = 20.0
+INTERRUPTED = 130
 
 
 class Note(BaseModel):
@@ -111,11 +112,11 @@ def begin(outs: list[Path], key: str, commands: list[list[str]]) -> Note:
 
 
 def run(commands: list[list[str]], note: Note, file: Path) -> int:
-    """The exit code of the first command that fails, or 0; time is noted as it passes.
+    """The exit code of the first command that fails, or 0, or 130 after Ctrl-C; time is noted as it passes.
 
     Of a stage that was done the outputs are there already: looking at them once more is no cost of theirs.
     """
-    began, code = time.monotonic(), 0
+    began, code, interrupted = time.monotonic(), 0, False
     together = max if note.done else sum
 
     def keep(done: bool) -> None:
@@ -133,7 +134,9 @@ def run(commands: list[list[str]], note: Note, file: Path) -> int:
                     process.wait(NOTE_EVERY_S)
                 except subprocess.TimeoutExpired:
                     keep(done=False)
-        code = process.returncode
+                except KeyboardInterrupt:  # the command heard it, too: what it still stores is there before we end
+                    interrupted = True
+        code = INTERRUPTED if interrupted else process.returncode
         if code:
             break
     keep(done=code == 0)

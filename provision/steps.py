@@ -33,6 +33,9 @@ def alone_in(folder: Path) -> Iterator[None]:
     """Let one set-up at a time work in a folder; another one says that it waits, and goes on when the first has ended.
 
     The system takes the lock from a process that ends, however it does, and commands that are run do not inherit it.
+
+    Raises:
+        SetupError: also where the file system refuses something, as on a full disk.
     """
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -44,6 +47,10 @@ def alone_in(folder: Path) -> Iterator[None]:
         except OSError:  # some file systems of other machines lock no folders
             pass
         yield
+    except OSError as error:
+        where = "" if error.filename is None else f"{error.filename}: "
+        hint = "Make room on that disk, or change who may write there; then run the same command again."
+        raise SetupError(f"{where}{error.strerror or error}", hint) from None
     finally:
         os.close(descriptor)
 

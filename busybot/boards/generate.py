@@ -6,6 +6,7 @@ relations for each board. A group depends on (seed, split, group) alone, so any 
 
 from collections import Counter
 from collections.abc import Iterator
+from math import perm
 from shlex import quote
 
 import numpy as np
@@ -55,6 +56,8 @@ def generate_boards(config: BoardConfig, library: Library, redraws: Redraws | No
             yield from _scene(config, library, group)
         return
     pools = _pools(config, library)
+    if config.world == PAPER:
+        _refuse_few_wirings(config, library, pools)
     for group in groups:
         yield from _group(config, library, pools, group, Redraws() if redraws is None else redraws)
 
@@ -94,6 +97,43 @@ def _refuse_strangers(config: BoardConfig, library: Library, category: str, keys
         if key.startswith(f"{category}/") and key not in keys:
             what = f"{key} is none of the objects for the split {config.split!r} (relations {config.relations!r})"
             raise BusybotError(f"{library.name}: {what}", "`busybot assets list` shows the splits and kinds of links")
+
+
+def _refuse_few_wirings(config: BoardConfig, library: Library, pools: Pools) -> None:
+    """Refuse groups that no board has enough wirings for: they would be drawn in vain for minutes."""
+    most = _most_wirings(config, library, pools)
+    if 0 < most < config.group_size:  # with none at all, the draws tell why
+        what = f"no board has {config.group_size} different sets of relations, as its group needs; at most {most}"
+        raise BusybotError(what, f"--group-size {most}, or more switches or responders")
+
+
+def _most_wirings(config: BoardConfig, library: Library, pools: Pools) -> int:
+    """No board has more sets of relations than this: links of each kind take different responders that fit them."""
+    models = [library.get(key) for keys, _ in pools.values() for key in keys]
+    models += [library.get(key) for key in config.include]
+    kinds = [[link.kind for link in model.trigger_links] for model in models if model.category == "Switch"]
+    links = {(of.count("two-state"), of.count("multi-direction")) for of in kinds}
+    effects = [(model.category, model.effect) for model in models if model.effect is not None]
+    single = _most_of({category for category, effect in effects if effect.single is not None}, config)
+    multi = _most_of({category for category, effect in effects if effect.multi is not None}, config)
+    most, reached = 0, {(0, 0)}
+    for switches in range(1, config.switches[1] + 1):
+        room = min(config.responders[1] + config.toys[1], config.max_objects - switches)
+        reached = {(a + c, b + d) for a, b in reached for c, d in links if a + b + c + d <= room}
+        if switches < config.switches[0]:
+            continue
+        for two, several in reached:
+            if config.links is None or config.least_links <= two + several <= config.links[1]:
+                apart = perm(min(room, single), two) * perm(min(room, multi), several)
+                most = max(most, min(perm(room, two + several), apart))
+    return most
+
+
+def _most_of(categories: set[str], config: BoardConfig) -> int:
+    """At most so many responders of these categories stand on a board."""
+    lamps = config.lamps[1] if "Lamp" in categories else 0
+    doors = config.responders[1] - config.lamps[0] if "Door" in categories else 0
+    return min(lamps + doors, config.responders[1]) + (config.toys[1] if "Toy" in categories else 0)
 
 
 def _group(config: BoardConfig, library: Library, pools: Pools, group: int, redraws: Redraws) -> Iterator[BoardSpec]:

@@ -111,6 +111,7 @@ def import_raw(
         raise typer.BadParameter("nothing to do: give --out DIR, --review FILE or both", param_hint="--out")
     if review is not None and review.exists():
         raise BusybotError(f"{review}: exists, perhaps with somebody's changes", "name another file for the proposal")
+    check_file("--review", review, "review.yaml")
     given = read_overrides(overrides) if overrides else None
     folders = raw_folders(raw)
     outcomes = []

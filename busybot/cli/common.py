@@ -153,13 +153,21 @@ def own_name() -> str:
 
 
 def check_file(option: str, path: Path | None, example: str) -> None:
-    """Refuse, before any work, a folder where an option names a file to write.
+    """Refuse, before any work, what cannot be written where an option names a file to write.
 
     Raises:
-        BusybotError: the path is a folder.
+        BusybotError: the path is a folder or a device, or lies where nothing can be made.
     """
-    if path is not None and path.is_dir():
+    if path is None:
+        return
+    if path.is_dir():
         raise BusybotError(f"{path} is a folder", f"{option} names a file, for example {path / example}")
+    if path.exists() and not path.is_file():
+        raise BusybotError(f"{path} is a device or a pipe", f"{option} names a file, which is replaced: {example}")
+    there = next(place for place in path.absolute().parents if place.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        what = "cannot be written into" if there.is_dir() else "is no folder"
+        raise BusybotError(f"{path} cannot be written: {there} {what}", f"choose another place for {option}")
 
 
 def print_json(value: Any) -> None:

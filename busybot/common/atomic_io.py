@@ -57,6 +57,7 @@ def replacing(path: Path, root: Path | None = None) -> Iterator[BinaryIO]:
     """A file to write into, which gets its final name when the block ends, and is removed when it fails."""
     temporary = f".{path.name}.{os.getpid()}-{os.urandom(8).hex()}.tmp"
     with _opened(path.parent, root) as folder:
+        _refuse_device(path, folder)
         try:
             with _naming(path):
                 descriptor = os.open(temporary, _NEW, 0o666, dir_fd=folder)
@@ -69,6 +70,14 @@ def replacing(path: Path, root: Path | None = None) -> Iterator[BinaryIO]:
         finally:
             with contextlib.suppress(OSError):  # the fault that led here is the one to tell
                 os.unlink(temporary, dir_fd=folder)
+
+
+def _refuse_device(path: Path, folder: int) -> None:
+    """Who may do everything would replace `/dev/null` by a file, for all programs."""
+    with contextlib.suppress(OSError):
+        mode = os.stat(path.name, dir_fd=folder, follow_symlinks=False).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise BusybotError(f"{path}: a device, where a file belongs", "name a file")
 
 
 @contextmanager
@@ -129,6 +138,7 @@ def make_folder(path: Path, root: Path | None = None) -> None:
 def rename(source: Path, target: Path, root: Path | None = None) -> None:
     """Rename a file or folder; an empty folder at the new name, or a file, is replaced."""
     with _opened(source.parent, root, make=False) as here, _opened(target.parent, root) as there, _naming(target):
+        _refuse_device(target, there)
         os.rename(source.name, target.name, src_dir_fd=here, dst_dir_fd=there)
 
 

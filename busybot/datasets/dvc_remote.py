@@ -23,6 +23,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError
 
 from busybot.common.atomic_io import (
+    LOCK_FILE,
     copy_file,
     make_folder,
     one_writer,
@@ -132,10 +133,22 @@ def pull(dataset: Path, remote: str, endpoint: str | None = None) -> Shared:
     make_folder(work, dataset.parent)
     plain_files(work)
     with one_writer(work):
+        _keep_cache_alone(work)
         _fetch(work, pointer, out, _Repository(work, remote, endpoint), remote)
         rename(work / dataset.name, dataset, dataset.parent)
         remove(work, dataset.parent)
     return Shared(dataset, pointer, out.nfiles, out.size)
+
+
+def _keep_cache_alone(work: Path) -> None:
+    """Keep of an interrupted pull what it fetched, which is compared later, and nothing that tells DVC what to do: who
+    sent the pointer may have sent this folder with it, with a cache elsewhere, or with another remote."""
+    own = work / ".dvc"
+    for place in (*work.iterdir(), *(own.iterdir() if own.is_dir() else ())):
+        if place.name not in (LOCK_FILE, ".dvc", "cache"):
+            remove(place, work)
+    if own.is_dir():  # without settings it would be made anew, and empty
+        write_atomically(own / "config", b"[core]\n    no_scm = True\n", work)
 
 
 def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str) -> None:

@@ -20,6 +20,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from busybot.boards.spec import PAPER
+from busybot.common.atomic_io import remove
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.frozen_model import first_fault
 from busybot.common.process_pool import Progress
@@ -41,7 +42,16 @@ from busybot.training.model_cards import (
     find_folder,
     read_info,
 )
-from busybot.training.run_folder import Panel, begin_folder, draw, judgements, learner_versions, losses, read_metrics
+from busybot.training.run_folder import (
+    TRAIN_FILE,
+    Panel,
+    begin_folder,
+    draw,
+    judgements,
+    learner_versions,
+    losses,
+    read_metrics,
+)
 
 Config = EventConfig | PaperReasonConfig | MechanismConfig
 CONFIGS: dict[str, type[EventConfig] | type[PaperReasonConfig] | type[MechanismConfig]] = {
@@ -88,6 +98,7 @@ def train_reason(
     begun = {} if model is None else {"start": file_hashes(model)}
     if model is not None:
         refuse_other_sizes(config, model)  # before anything is written: the same command with others would be refused
+    new = not (out / TRAIN_FILE).exists()
     begin_folder(out, config, seed, data=origin, **begun)
     if (out / "model" / INFO_FILE).exists():
         return read_info(out / "model", ReasonerInfo)
@@ -95,8 +106,13 @@ def train_reason(
     for dataset in datasets:
         with told(f"features of {dataset.path.name}") as progress:
             features.append(features_of(dataset, config.encoder, workers=workers, progress=progress))
-    boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
-    learner = make_learner(config, boards, held_out, seed, told)
+    try:
+        boards, held_out = held_apart(datasets, features, config.loop.held_out, seed, config.loop.boards)
+        learner = make_learner(config, boards, held_out, seed, told)
+    except BusybotError as error:
+        if new:  # the folder would refuse the command with other datasets
+            remove(out / TRAIN_FILE, out)
+        raise type(error)(f"{', '.join(map(str, data))}: {error.what}", error.hint) from None
     if model is not None:
         begin_with(learner, model)
     figures = fit(learner, out, config.loop)

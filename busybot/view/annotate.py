@@ -76,8 +76,14 @@ class AnnotationServer(ThreadingHTTPServer):
         """A browser that hangs up is no fault, and a request is never written down."""
 
     def recordings(self) -> list[dict[str, Any]]:
-        """What the page shows beside pictures, JSON values."""
-        return [self.recording(index) for index in sorted(self.dataset.finished())]
+        """What the page shows beside pictures, JSON values; of a damaged recording, what is wrong with it."""
+        found = []
+        for index in sorted(self.dataset.finished()):
+            try:
+                found.append(self.recording(index))
+            except BusybotError as error:
+                found.append({"index": index, "error": str(error)})
+        return found
 
     def recording(self, index: int) -> dict[str, Any]:
         episode = read_episode(self.dataset.episode_path(index), "lazy")

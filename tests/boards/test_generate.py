@@ -170,6 +170,19 @@ def test_what_cannot_be_met_is_refused_with_the_numbers(library: Library) -> Non
         boards(library, boards=1, switches=(5, 5), lamps=(1, 1), responders=(1, 1), toys=(0, 0))
 
 
+@pytest.mark.parametrize(
+    ("options", "most"),
+    [
+        ({"relations": "one-to-one", "switches": (2, 2), "responders": (4, 4), "lamps": (3, 4)}, 12),
+        ({"switches": (1, 1), "links": (1, 1), "responders": (3, 3), "lamps": (2, 3)}, 4),
+    ],
+)
+def test_a_group_larger_than_there_are_wirings_is_refused_at_once(options: dict[str, object], most: int) -> None:
+    with pytest.raises(BusybotError, match=f"no board has 20 different sets .* at most {most}\n.*--group-size {most}"):
+        boards(find("procedural"), **options)
+    assert len(boards(find("procedural"), boards=most, group_size=most, **options)) == most
+
+
 def test_what_no_world_has_is_given_up_early() -> None:
     one = {"world": "gates", "boards": 1, "responders": (1, 1), "lamps": (0, 1)}
     with pytest.raises(BusybotError, match=r"no board of group 0 fits .* after \d\d\d draws: .*\n.*fewer locks"):

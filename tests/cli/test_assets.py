@@ -73,6 +73,17 @@ def test_the_sheet_shows_every_object(made: Path, tmp_path: Path) -> None:
     assert code == 1 and "hint:" in err
 
 
+def test_a_sheet_that_cannot_be_written_is_refused_before_it_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("busybot.view.figures.contact_sheet.sheet", lambda *_: pytest.fail("it was drawn"))
+    (tmp_path / "file").write_text("")
+    code, _, err = run("sheet", "--out", str(tmp_path / "file" / "deeper" / "sheet.png"))
+    assert code == 1 and "file is no folder" in err and "another place for --out" in err
+    code, _, err = run("sheet", "--out", os.devnull)
+    assert code == 1 and "is a device or a pipe" in err and Path(os.devnull).is_char_device()
+
+
 def test_real_objects_are_fine(partnet: Path) -> None:
     code, out, _ = run("check", str(partnet))
     assert code == 0 and "58 checked, nothing is wrong" in out

@@ -159,6 +159,12 @@ def test_what_files_and_settings_are_called_begins_no_line(dataset: Path) -> Non
     assert found.exit_code == 1 and "A and B are equal" in found.stdout and "\nA and B" not in found.stdout
 
 
+def test_what_recordings_are_called_begins_no_line_either(tmp_path: Path) -> None:
+    write_camera_folder(tmp_path / "boards" / "x\nall is sound", make_episode(0))
+    told = run("import", tmp_path / "boards", "--dry-run").stdout
+    assert "all is sound: 7 frames" in told and "\nall is sound" not in told
+
+
 def test_diff_exits_with_1_where_something_differs(dataset: Path) -> None:
     same = run("diff", dataset, dataset, "--json")
     assert same.exit_code == 0 and json.loads(same.stdout)["equal"] is True

@@ -217,6 +217,20 @@ def test_faults_of_the_file_system_name_the_path(tmp_path: Path) -> None:
         write_atomically(tmp_path / "file" / "named", b"new", tmp_path)
 
 
+def test_no_device_is_replaced(tmp_path: Path) -> None:
+    """As `/dev/null` would be by root."""
+    device, file = tmp_path / "null", tmp_path / "file"
+    file.write_text("")
+    try:
+        os.mknod(device, stat.S_IFCHR | 0o600, os.makedev(1, 3))
+    except PermissionError:
+        pytest.skip("only root makes devices")
+    for write in (lambda: write_atomically(device, b""), lambda: rename(file, device)):
+        with pytest.raises(BusybotError, match="null: a device, where a file belongs"):
+            write()
+    assert device.is_char_device() and {entry.name for entry in tmp_path.iterdir()} == {"null", "file"}
+
+
 def test_a_path_may_not_climb_out(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match=r"\.\."):
         write_atomically(tmp_path / "root" / ".." / "named" / "x", b"new", tmp_path / "root")

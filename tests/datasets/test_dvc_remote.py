@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -124,6 +125,37 @@ def test_two_do_not_fetch_one_dataset_at_once(frozen: Path, tmp_path: Path) -> N
     work.mkdir()
     with one_writer(work), pytest.raises(BusybotError, match="another process"):
         pull(frozen.with_name("other"), str(tmp_path / "remote"))
+
+
+class Refuses:
+    """In DVC's place: tells what it was given, and does nothing."""
+
+    given: ClassVar[dict[str, bytes]] = {}
+
+    def __init__(self, folder: Path, remote: str, endpoint: str | None):
+        self.given.update(contents(folder))
+        raise BusybotError("no")
+
+
+def test_settings_that_lie_where_a_pull_goes_on_are_not_those_of_dvc(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_Repository", Refuses)
+    (tmp_path / "toys.dvc").write_text(POINTER.format(md5=MD5, path="toys"))
+    planted = {
+        "cache/files/md5/4f/fb": "fetched before",
+        "config": f"[cache]\n    dir = {tmp_path / 'elsewhere'}\n",
+        "config.local": "['remote \"shared\"']\n    url = https://evil.example\n",
+        "../dvc.yaml": "stages: {a: {cmd: touch x}}",
+    }
+    for name, text in planted.items():
+        place = tmp_path / ".toys.pull" / ".dvc" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
+    with pytest.raises(BusybotError, match="no"):
+        pull(tmp_path / "toys", "remote")
+    config = b"[core]\n    no_scm = True\n"
+    assert Refuses.given == {".dvc/cache/files/md5/4f/fb": b"fetched before", ".dvc/config": config, ".lock": b""}
 
 
 class Uploads:

@@ -313,6 +313,25 @@ def test_a_damaged_note_is_named(tmp_path: Path, text: str) -> None:
     assert not begin([out], "a", [["--version"]]).done
 
 
+class Heard(subprocess.Popen[bytes]):
+    """A command that is waited for while somebody presses Ctrl-C."""
+
+    def wait(self, timeout: float | None = None) -> int:
+        if timeout is not None and not hasattr(self, "pressed"):
+            self.pressed = True
+            raise KeyboardInterrupt
+        return super().wait(timeout)
+
+
+def test_after_ctrl_c_a_stage_waits_for_its_command_and_begins_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(subprocess, "Popen", Heard)
+    commands, file = [["--version"], ["assets", "make", str(tmp_path / "made")]], tmp_path / "note.json"
+    assert run(commands, Note(key="", commands=commands), file) == 130
+    assert not (tmp_path / "made").exists() and not json.loads(file.read_text())["done"]
+
+
 def test_costs_of_complete_runs_do_not_add_up(tmp_path: Path) -> None:
     out, asked, profile = tmp_path / "interact", [["--version"]], read_profile("smoke")
     out.mkdir()

@@ -4,7 +4,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from provision.steps import alone_in
+import pytest
+
+from provision.steps import Log, SetupError, alone_in
 
 ROOT = Path(__file__).resolve().parents[2]
 OTHER = """
@@ -39,3 +41,9 @@ def test_one_that_was_killed_holds_nobody_up(tmp_path: Path) -> None:
     first.communicate()
     with alone_in(tmp_path):
         assert not list(tmp_path.iterdir()), "nothing is left in the folder"
+
+
+def test_what_the_file_system_refuses_is_told(tmp_path: Path) -> None:
+    (tmp_path / ".setup.log").mkdir()
+    with pytest.raises(SetupError, match=r"\.setup\.log: Is a directory"), alone_in(tmp_path):
+        Log(tmp_path / ".setup.log")

@@ -111,6 +111,13 @@ def test_what_is_drawn_is_in_the_dataset(server: AnnotationServer) -> None:
     assert len(Dataset.open(dataset.path)[0].board.objects) == 2 and verify(dataset.path).ok
 
 
+def test_a_damaged_recording_hides_no_other(server: AnnotationServer) -> None:
+    server.dataset.episode_path(1).write_bytes(b"no recording")
+    one, other = json.loads(ask(server, "/api/recordings")[1])
+    assert one["frames"] == 7 and other["index"] == 1 and "000001.mcap" in other["error"]
+    assert ask(server, "/api/recordings/0", drawn())[0] == 200
+
+
 WRONG: dict[str, tuple[str, Any, str]] = {
     "a box outside": ("/api/recordings/0", {"box": [0, 0, 161, 9]}, "outside of pictures of 160 x 120"),
     "an empty box": ("/api/recordings/0", {"box": [5, 5, 5, 9]}, "is empty"),

@@ -87,7 +87,7 @@ def repaired(done: "Repaired") -> None:
             "dropped": "could not be kept",
             "there": "the other recording that is there stays",
         }[verdict.fate]
-        tell(f"episode {verdict.episode}: {kept} ({verdict.why})")
+        tell(one_line(f"episode {verdict.episode}: {kept} ({verdict.why})"))
     if done.damaged:
         say(f"the damaged files are in {done.originals}")
     if (replaced := done.dataset / DAMAGED_FOLDER) != done.originals and replaced.is_dir():
@@ -115,7 +115,7 @@ def imported(done: "Imported") -> None:
         ]
         parts += [objects, "relations told" if one["relations"] is not None else "relations unknown"]
         parts += [f"camera {one['camera']}"] if "camera" in one else []
-        tell(f"{one['place']}: {', '.join(parts)}")
+        tell(one_line(f"{one['place']}: {', '.join(parts)}"))
     if len(done.recordings) > MOST_LINES:
         tell(f"and {len(done.recordings) - MOST_LINES} more recordings; --json lists all")
     if done.dataset is None:

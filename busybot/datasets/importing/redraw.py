@@ -1,6 +1,7 @@
 """Boxes and roles of an imported recording, drawn anew: the one change that a recording of others may see later."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -48,7 +49,9 @@ def redraw(dataset: Dataset, index: int, objects: Sequence[KnownObject], was: Se
         changed = _redrawn(episode, objects, was)
         write_episode(dataset.episode_path(index), changed, "png", dataset.path)
         dataset.replace_board(changed.board)
-        dataset.write_tables({index: episode_rows(dataset.episode_path(index), index)})
+        rows = {index: episode_rows(dataset.episode_path(index), index)}
+        with suppress(BusybotError):  # another recording is damaged: its repair makes the tables again
+            dataset.write_tables(rows)
 
 
 def _redrawn(episode: Episode, objects: Sequence[KnownObject], was: Sequence[int | None]) -> Episode:

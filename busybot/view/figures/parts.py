@@ -27,6 +27,8 @@ MARGIN = 4.0
 """Around the board in a cut picture, drawing units."""
 ENOUGH = 40.0
 """Drawing units that a name keeps from others if it can."""
+MOST_NAMED = 20
+"""On boards with more objects their numbers alone have room."""
 ARROW_LENGTH = 0.55
 """Of an action's arrow, board units."""
 
@@ -118,8 +120,11 @@ def name_places(episode: Episode) -> np.ndarray:
 
 
 def draw_names(axes: Any, episode: Episode, size: float = 7.0) -> None:
-    """The objects' names in the roles' colours."""
-    told = zip(object_names(episode.board), name_places(episode), episode.board.objects, strict=True)
+    """The objects' names in the roles' colours, or their numbers on boards that have many."""
+    names = object_names(episode.board)
+    if len(names) > MOST_NAMED:
+        names = [str(index) for index in range(len(names))]
+    told = zip(names, name_places(episode), episode.board.objects, strict=True)
     for name, place, placed in told:
         draw_tag(axes, place, name, ROLES[placed.role], size, 0.22, zorder=9)
 

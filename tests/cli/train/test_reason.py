@@ -18,6 +18,7 @@ from busybot.datasets.dataset import Dataset
 from busybot.datasets.summary import _drawing, origin_of
 from busybot.episodes.episode import Episode
 from busybot.episodes.mcap.reader import read_episode
+from busybot.episodes.mcap.writer import write_episode
 from busybot.objects.resolve import find
 from busybot.reason.inputs.board_dataset import held_apart
 from busybot.reason.inputs.feature_store import features_of
@@ -27,6 +28,7 @@ from busybot.reason.train import suited
 from busybot.training.model_cards import file_hashes, read_info
 from tests.cli.killing import kill_once_it_learns
 from tests.episodes.folders import make_dataset
+from tests.episodes.synthetic import make_episode
 from tests.reason.inputs.test_observation import garbled
 
 SMALL = ("iterations=8", "batch=2", "images=4", "net.width=8", "loop.judge=2", "loop.report=2", "loop.patience=0")
@@ -152,6 +154,17 @@ def test_groups_that_look_alike_are_held_out_as_a_whole(tmp_path: Path) -> None:
 def test_what_cannot_be_is_told(tmp_path: Path, data: Path, words: list[str], message: str) -> None:
     result = run(*arguments(tmp_path / "run", data), *words)
     assert result.exit_code == 2 and message in result.stderr
+
+
+def test_what_nothing_can_be_learned_from_is_named_and_leaves_no_training(tmp_path: Path, data: Path) -> None:
+    short = make_dataset(tmp_path / "short", finished=())
+    for index in range(4):
+        write_episode(short.episode_path(index), make_episode(index, steps=1), "jpeg")
+    short.write_tables()
+    out = tmp_path / "run"
+    result = run(*arguments(out, short.path))
+    assert result.exit_code == 1 and f"{short.path}: no board on which two steps were recorded" in result.stderr
+    assert run(*arguments(out, data)).exit_code == 0, "the folder is free for another training"
 
 
 def test_a_dataset_without_episodes_is_refused(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 """Figures: PNG files that come out the same every time, also of recordings that know little."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,6 +20,7 @@ from busybot.view.figures.episode import (
     telling_moments,
     telling_steps,
 )
+from busybot.view.figures.parts import draw_names
 from busybot.view.palette import CORRECT, MISSED, WRONG
 from tests.episodes.synthetic import make_episode, make_real_episode
 
@@ -61,6 +64,17 @@ def test_the_scene_graph_shows_verdicts_in_their_colours(tmp_path: Path) -> None
     late = cv2.imread(str(graph_figure(tmp_path / "late.png", make_episode(), GUESS)))[:-60]
     assert (has(early, CORRECT), has(early, WRONG), has(early, MISSED)) == (False, False, True)
     assert (has(late, CORRECT), has(late, WRONG), has(late, MISSED)) == (True, True, True)
+
+
+@pytest.mark.parametrize(("times", "first"), [(1, "switch 0"), (5, "0")])
+def test_on_boards_with_many_objects_numbers_stand_for_names(times: int, first: str) -> None:
+    episode, told = make_episode(steps=0), list[str]()
+    board = episode.board.model_copy(update={"objects": times * episode.board.objects})
+    image = replace(episode.images[0], boxes=np.tile(episode.images[0].boxes, (times, 1)))
+    positions = np.tile(episode.positions, (times, 1))
+    axes = SimpleNamespace(annotate=lambda text, *_, **__: told.append(text))
+    draw_names(axes, replace(episode, board=board, images=[image], positions=positions))
+    assert len(told) == 5 * times and told[0] == first
 
 
 def test_the_strip_takes_steps_in_which_something_happened() -> None:

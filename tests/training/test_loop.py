@@ -101,7 +101,9 @@ BEGUN = {"progress": {"iteration": 3}, "learner": {"drawn": 12}}
     [
         [],
         {"progress": {"iteration": 3}},
-        *({**BEGUN, **other} for other in ({"learner": {}}, {"progress": {"iteration": "a"}}, {"untold": 3})),
+        {**BEGUN, "learner": {}},
+        {**BEGUN, "progress": {"iteration": "a"}},
+        {**BEGUN, "untold": 3},
     ],
 )
 def test_a_checkpoint_of_something_else_is_refused_by_its_file(tmp_path: Path, values: Any) -> None:

@@ -21,6 +21,7 @@ from torch import Tensor, nn
 from busybot.common.atomic_io import open_regular, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.common.limits import MAX_WEIGHTS_BYTES
+from busybot.training.device import device
 from busybot.training.model_cards import WEIGHTS_FILE, ModelCard, write_info
 
 Network = TypeVar("Network", bound=nn.Module)
@@ -81,7 +82,7 @@ def network_with(make: Callable[[], Network], tensors: dict[str, Tensor], where:
     Raises:
         BusybotError: naming `where`: the weights are those of another network, or no finite numbers.
     """
-    with drawing_nothing():
+    with torch.random.fork_rng([]):  # they are made on the CPU, and by default every GPU would be started
         with torch.device("meta"):
             expected = {name: tuple(value.shape) for name, value in make().state_dict().items()}
         found = {name: tuple(value.shape) for name, value in tensors.items()}
@@ -119,13 +120,22 @@ def training_tensors(network: nn.Module, optimizer: torch.optim.Optimizer) -> di
 
 
 def restore_training(path: Path, network: nn.Module, optimizer: torch.optim.Optimizer) -> Checkpoint:
-    """Put back what `training_tensors` returned from a file; returns all that the file holds."""
+    """Put back what `training_tensors` returned from a file; returns all that the file holds.
+
+    Raises:
+        BusybotError: the file is damaged, or of another network.
+    """
     saved = load_tensors(path)
     load_weights(network, network_tensors(saved.tensors), path)
+    parameters = [one for group in optimizer.param_groups for one in group["params"]]
+    shapes = {str(number): one.shape for number, one in enumerate(parameters)}
     state: dict[int, dict[str, Tensor]] = {}
     for key, value in saved.tensors.items():
         if key.startswith(OPTIMIZER):
-            number, name = key.removeprefix(OPTIMIZER).split(".")
+            number, _, name = key.removeprefix(OPTIMIZER).partition(".")
+            if value.dim() and value.shape != shapes.get(number):
+                what = f"{path}: {key} is {tuple(value.shape)}, which its parameter is not"
+                raise BusybotError(what, "train in another folder")
             state.setdefault(int(number), {})[name] = value
     optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
     return saved
@@ -161,13 +171,11 @@ def parameters_of(network: nn.Module) -> int:
     return sum(parameter.numel() for parameter in network.parameters())
 
 
-drawing_nothing = torch.random.fork_rng
-"""What PyTorch draws within is as if it had not been drawn: for networks that get other weights anyway."""
-
-
 @contextmanager
 def drawing(rng: np.random.Generator) -> Iterator[None]:
-    """PyTorch's random numbers within come from this generator; those outside are as if nothing had been drawn."""
-    with drawing_nothing():
+    """PyTorch's random numbers within, on the CPU and the device of this process, come from this generator; those
+    outside are as if nothing had been drawn."""
+    on = device()
+    with torch.random.fork_rng([on] if on.type == "cuda" else []):
         torch.manual_seed(int(rng.integers(2**63)))
         yield

@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import torch
-from pydantic import Field
+from pydantic import Field, TypeAdapter, ValidationError
 from torch import Tensor, nn
 
 from busybot.common.atomic_io import write_atomically, write_json
 from busybot.common.errors import BusybotError
-from busybot.common.frozen_model import FrozenModel
+from busybot.common.frozen_model import FrozenModel, first_fault
 from busybot.common.rng import generator
 from busybot.training.checkpoint import Checkpoint, load_weights, restore_training, save_tensors, training_tensors
 from busybot.training.run_folder import Metrics, read_metrics, told
@@ -160,6 +160,10 @@ class Progress:
         return True
 
 
+PROGRESS = TypeAdapter(Progress)
+"""Reads it from a file."""
+
+
 def files_of(out: Path, name: str) -> tuple[Path, Path]:
     """Where a training's folder has the checkpoint and the metrics of a network."""
     return out / "checkpoints" / f"{name}.safetensors", out / "metrics" / f"{name}.jsonl"
@@ -187,7 +191,12 @@ class Loop:
         self._untold: list[float] = []
         self.best: dict[str, Tensor] = {}
         if self.checkpoint.exists():
-            self._restore()
+            try:
+                self._restore()
+            except (AttributeError, KeyError, TypeError, ValueError) as error:
+                why = first_fault(error) if isinstance(error, ValidationError) else f"{type(error).__name__}: {error}"
+                what = f"{self.checkpoint}: not where this training stands: {why}"
+                raise BusybotError(what, "train in another folder") from error
 
     def run(self, name: str, start: int, until: int, judged: bool = False, patience: int = 0) -> Metrics:
         """Train until so many iterations are done or the learner's time is spent.
@@ -247,8 +256,8 @@ class Loop:
         self.best = {name.removeprefix(BEST): one for name, one in saved.tensors.items() if name.startswith(BEST)}
         values: dict[str, Any] = saved.values
         if "progress" in values:
-            self._untold = [math.nan if loss is None else loss for loss in values.get("untold", ())]
-            self.progress, values = Progress(**values["progress"]), values["learner"]
+            self._untold = [math.nan if loss is None else float(loss) for loss in values.get("untold", ())]
+            self.progress, values = PROGRESS.validate_python(values["progress"]), values["learner"]
         else:  # networks that are trained in rounds or epochs once wrote how far they were among their own values
             self.progress = Progress(int(values.get("iteration", values.get("total", 0))))
         if learner.budget is not None:

@@ -1,6 +1,7 @@
 """The training loop with a learner of one weight: what it writes, when it ends, and how it goes on."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,6 +91,37 @@ def test_checkpoints_of_earlier_versions_go_on(tmp_path: Path, values: dict[str,
     assert (loop.progress.iteration, continued.drawn) == (3, 12)
     loop.run("", 0, 8)
     assert torch.equal(continued.network.weight, whole.network.weight)
+
+
+BEGUN = {"progress": {"iteration": 3}, "learner": {"drawn": 12}}
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        [],
+        {"progress": {"iteration": 3}},
+        {**BEGUN, "learner": {}},
+        {**BEGUN, "progress": {"iteration": "a"}},
+        {**BEGUN, "untold": 3},
+    ],
+)
+def test_a_checkpoint_of_something_else_is_refused_by_its_file(tmp_path: Path, values: Any) -> None:
+    begun = Line()
+    file, tensors = loop_of(begun, tmp_path).checkpoint, training_tensors(begun.network, begun.optimizer)
+    save_tensors(file, tensors, values)
+    with pytest.raises(BusybotError, match=r"line\.safetensors: not where this training stands: "):
+        loop_of(Line(), tmp_path)
+    save_tensors(file, tensors, BEGUN)
+    assert loop_of(Line(), tmp_path).progress.iteration == 3
+
+
+@pytest.mark.parametrize("name", ["0.exp_avg", "1.exp_avg", "a.exp_avg"])
+def test_what_another_optimizer_learned_is_refused_by_its_file(tmp_path: Path, name: str) -> None:
+    file = loop_of(Line(), tmp_path).checkpoint
+    save_tensors(file, {"network.weight": torch.ones(1, 1), f"optimizer.{name}": torch.ones(3, 3)}, BEGUN)
+    with pytest.raises(BusybotError, match=rf"line\.safetensors: optimizer\.{name} is \(3, 3\)"):
+        loop_of(Line(), tmp_path)
 
 
 def test_a_judgement_that_is_no_number_is_never_the_best(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from busybot.common.errors import BusybotError
+from busybot.common.errors import BusybotError, naming
 from busybot.common.rng import generator
 from busybot.interact.affordance.networks import HIDDEN, DirectionNet, Kind, make_network
 from busybot.interact.metrics import direction_figures, position_figures
@@ -211,7 +211,8 @@ def fit(job: FitJob) -> dict[str, float | None]:
     repeat_exactly()
     learner = FastAffordanceLearner(job)
     loop = Loop(learner, job.out, learner.config.report, learner.config.checkpoint)
-    metrics = loop.run(f"round {len(job.caches) - 1}: {job.kind} network", job.start, job.until)
+    with naming(job.out):
+        metrics = loop.run(f"round {len(job.caches) - 1}: {job.kind} network", job.start, job.until)
     if not loop.checkpoint.exists():  # a round without iterations
         loop.save()
     figures = learner.judge()

@@ -3,12 +3,15 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from busybot.common.errors import BusybotError
 from busybot.interact.affordance.networks import KINDS, Kind
+from busybot.interact.training import fast_learner
 from busybot.interact.training.config import TrainConfig
 from busybot.interact.training.fast_learner import FastAffordanceLearner, FitJob, fit
-from busybot.interact.training.sample_cache import cache_samples
+from busybot.interact.training.sample_cache import cache_samples, open_samples
 from busybot.training.loop import files_of
 from busybot.training.run_folder import read_metrics
 from tests.episodes.folders import make_dataset
@@ -96,6 +99,16 @@ def test_colours_alone_can_be_learned_from(tmp_path: Path) -> None:
         job = job_for(kind, cache, tmp_path, until=60)
         auc = fit(replace(job, config=job.config.model_copy(update={"inputs": "rgb"})))["position_auc"]
         assert auc is not None and auc > 0.7, kind
+
+
+def test_where_nothing_succeeded_the_training_is_named(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples = open_samples((cache,), "depth", 1000)
+    failures = replace(samples, worked=np.full_like(samples.worked, -1))
+    monkeypatch.setattr(fast_learner, "open_samples", lambda *_: failures)
+    with pytest.raises(BusybotError, match=rf"^{tmp_path}: no recorded action succeeded"):
+        fit(job_for("direction", cache, tmp_path))
 
 
 def test_a_round_without_iterations_leaves_the_weights_alone(cache: Path, tmp_path: Path) -> None:

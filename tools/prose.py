@@ -2,7 +2,7 @@
 
 import re
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -230,11 +230,9 @@ def _said(name: str, cells: Cells, found: dict[str, RowFound]) -> Iterator[tuple
             both = [result("table1")["rows"][row] for row in ("oracle", "free-0")]
             recorded = [[one["content_hash"] for one in row["training"]["rounds"]] for row in both]
             yield "both rewards recorded the same data", recorded[0] == recorded[1]
-            weights = [row["policy"]["model_sha256"] for row in both]
-            files = ("position.safetensors", "direction.safetensors")
-            yield "both rewards end in the same weights", all(weights[0][file] == weights[1][file] for file in files)
-            judged = [row[split] for row, split in product(both, NOVEL)]
-            yield "pixels and joint states agree", all(one["reward_agreement"] == 1 for one in judged)
+            yield from _one_reward(both, "")
+            papers = [result("table1-paper")["rows"][row] for row in ("paper-oracle", "paper")]
+            yield from _one_reward(papers, ", with the paper's networks")
         case "colours":
             for split, key in product(NOVEL, ("recall", "precision_exploring")):
                 yield f"depth is ahead, {split}, {key}", _above(cells["free-0", split, key], cells["rgb", split, key])
@@ -261,6 +259,15 @@ def _said(name: str, cells: Cells, found: dict[str, RowFound]) -> Iterator[tuple
             for split in NOVEL:
                 ahead = _above(cells["predictive", split, GOALS[1]], cells["relation", split, GOALS[1]])
                 yield f"relations alone are far behind on one-to-many tasks, {split}", ahead
+
+
+def _one_reward(both: Sequence[dict[str, Any]], whose: str) -> Iterator[tuple[str, bool]]:
+    """Whether two trainings, and what judged them, tell no difference between pixels and joint states."""
+    weights = [row["policy"]["model_sha256"] for row in both]
+    files = ("position.safetensors", "direction.safetensors")
+    yield f"both rewards end in the same weights{whose}", all(weights[0][file] == weights[1][file] for file in files)
+    judged = [row[split] for row, split in product(both, NOVEL)]
+    yield f"pixels and joint states agree{whose}", all(one["reward_agreement"] == 1 for one in judged)
 
 
 def _plans() -> str:

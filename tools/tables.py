@@ -115,7 +115,7 @@ def table1_paper() -> str:
     words = {row.name: row.words for row in INTERACTION.rows}
     places = [*product(NOVEL, INTERACTION.keys)]
     lines = [(words[name], [cell(row.cells[place]) for place in places]) for name, row in rows_of(1, told).items()]
-    lines += [the_papers(INTERACTION, name, places) for name in ("without exploration", "BusyBot")]
+    lines += [the_papers(INTERACTION, name, places) for name in INTERACTION.paper]
     heads = [f"{objects}: {INTERACTION.keys[key]}" for objects, key in product(NOVEL.values(), INTERACTION.keys)]
     training, boards = told["paper"]["training"], told["paper"]["novel-config"]["boards"]
     share = training["config"]["epochs"] / PaperConfig().epochs

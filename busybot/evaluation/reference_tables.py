@@ -89,7 +89,11 @@ INTERACTION = Table(
         ReferenceRow("ucb", "the paper's UCB bonus on our networks", "ablation", "BusyBot"),
         ReferenceRow("paper", "the paper's networks", "competitor", "BusyBot"),
         ReferenceRow("paper-greedy", "the paper's networks, without exploration", "competitor", "without exploration"),
+        ReferenceRow("paper-oracle", "the paper's networks, reward from joint states", "bound", "oracle"),
         ReferenceRow("paper-rgb", "the paper's networks, RGB instead of depth", "competitor", "RGB"),
+        ReferenceRow(
+            "paper-without-responders", "the paper's networks, without responders", "competitor", "without responders"
+        ),
         ReferenceRow("random", "random elevated pixels and directions", "trivial"),
     ),
     paper={

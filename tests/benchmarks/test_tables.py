@@ -380,7 +380,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(BusybotError, match="its rows are of other objects, or judged on other boards"):
         table1.main()
     assert told["paper-greedy"]["commands"][1].endswith("--model WORK/paper --mode greedy")
-    papers = {"paper", "paper-greedy", "paper-rgb"}
+    papers = {"paper", "paper-greedy", "paper-oracle", "paper-rgb", "paper-without-responders"}
     further = {*table1.ON_REQUEST} - papers
     assert {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - further and papers < {*table1.ON_REQUEST}
 

@@ -270,7 +270,7 @@ def test_a_gate_that_one_file_misses_is_missed(tmp_path: Path) -> None:
     files = [planned(tmp_path / name, share) for name, share in (("a", 0.995), ("b", 0.9))]
     done = write_report(files, tmp_path / "out")
     assert (done.count(True), done.count(False), done.count(None)) == (0, 1, GATES - 1)
-    assert "- **1** gates missed" in done.markdown.read_text() and "- **1 / 45** rows" in done.markdown.read_text()
+    assert "- **1** gates missed" in done.markdown.read_text() and "- **1 / 47** rows" in done.markdown.read_text()
     assert [one.file for one in done.verdicts if one.reached is not None] == ["a/table3.json", "b/table3.json"]
 
 

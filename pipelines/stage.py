@@ -14,6 +14,7 @@ import resource
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -131,8 +132,8 @@ def run(commands: list[list[str]], note: Note, file: Path) -> int:
         with subprocess.Popen([sys.executable, "-m", "busybot", *command]) as process:
             while process.poll() is None:
                 try:
-                    process.wait(NOTE_EVERY_S)
-                except subprocess.TimeoutExpired:
+                    with suppress(subprocess.TimeoutExpired):
+                        process.wait(NOTE_EVERY_S)
                     keep(done=False)
                 except KeyboardInterrupt:  # the command heard it, too: what it still stores is there before we end
                     interrupted = True
@@ -169,3 +170,5 @@ if __name__ == "__main__":
         sys.exit(main())
     except BusybotError as error:
         sys.exit(f"error: {error}")
+    except KeyboardInterrupt:
+        sys.exit(INTERRUPTED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import subprocess
@@ -13,6 +14,8 @@ from pathlib import Path
 
 LOG_LINES_SHOWN = 15
 LINE_LENGTH_SHOWN = 200
+REFUSED = errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EISDIR
+"""What a disk answers that is full, or where a file may not be written."""
 
 
 class SetupError(Exception):
@@ -35,7 +38,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     The system takes the lock from a process that ends, however it does, and commands that are run do not inherit it.
 
     Raises:
-        SetupError: also where the file system refuses something, as on a full disk.
+        SetupError: also where a disk is full or may not be written to.
     """
     descriptor = os.open(folder, os.O_RDONLY)
     try:
@@ -48,8 +51,12 @@ def alone_in(folder: Path) -> Iterator[None]:
             pass
         yield
     except OSError as error:
+        if error.errno not in REFUSED:
+            raise
         where = "" if error.filename is None else f"{error.filename}: "
-        hint = "Make room on that disk, or change who may write there; then run the same command again."
+        hint = (
+            "Make room on that disk, or change what lies there or who may write there; then run the same command again."
+        )
         raise SetupError(f"{where}{error.strerror or error}", hint) from None
     finally:
         os.close(descriptor)

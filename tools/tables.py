@@ -120,8 +120,8 @@ def table1_paper() -> str:
     training, boards = told["paper"]["training"], told["paper"]["novel-config"]["boards"]
     share = training["config"]["epochs"] / PaperConfig().epochs
     took = (
-        f"{training['epochs']} of {training['schedule']} epochs of {percent(share)} % of the schedule took "
-        f"{training['minutes']:.0f} minutes of {training['machine']['cores']} cores; "
+        f"{training['epochs']} of {training['schedule']} epochs of {percent(share)} % of the schedule each; the first "
+        f"row took {training['minutes']:.0f} minutes of {training['machine']['cores']} cores; "
         f"judged on {boards} boards of each set."
     )
     return markdown([plain_grid(heads, lines, "percent"), Text(took)])

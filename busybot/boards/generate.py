@@ -103,8 +103,8 @@ def _refuse_few_wirings(config: BoardConfig, library: Library, pools: Pools) -> 
     """Refuse groups that no board has enough wirings for: they would be drawn in vain for minutes."""
     most = _most_wirings(config, library, pools)
     if 0 < most < config.group_size:  # with none at all, the draws tell why
-        what = f"no board has {config.group_size} different sets of relations, as its group needs; at most {most}"
-        raise BusybotError(what, f"--group-size {most}, or more switches or responders")
+        what = f"a group needs a board with {config.group_size} different sets of relations; none has more than {most}"
+        raise BusybotError(what, "ask for a smaller --group-size, or for more responders")
 
 
 def _most_wirings(config: BoardConfig, library: Library, pools: Pools) -> int:

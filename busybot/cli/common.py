@@ -162,7 +162,7 @@ def check_file(option: str, path: Path | None, example: str) -> None:
         return
     if path.is_dir():
         raise BusybotError(f"{path} is a folder", f"{option} names a file, for example {path / example}")
-    if path.exists() and not path.is_file():
+    if path.absolute().parts[1:2] in (("dev",), ("proc",)) or (path.exists() and not path.is_file()):
         raise BusybotError(f"{path} is a device or a pipe", f"{option} names a file, which is replaced: {example}")
     there = next(place for place in path.absolute().parents if place.exists())
     if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):

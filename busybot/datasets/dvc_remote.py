@@ -144,9 +144,10 @@ def _keep_cache_alone(work: Path) -> None:
     """Keep of an interrupted pull what it fetched, which is compared later, and nothing that tells DVC what to do: who
     sent the pointer may have sent this folder with it, with a cache elsewhere, or with another remote."""
     own = work / ".dvc"
-    for place in (*work.iterdir(), *(own.iterdir() if own.is_dir() else ())):
-        if place.name not in (LOCK_FILE, ".dvc", "cache"):
-            remove(place, work)
+    strange = [place for place in work.iterdir() if place.name not in (LOCK_FILE, ".dvc")]
+    strange += [place for place in (own.iterdir() if own.is_dir() else ()) if place.name != "cache"]
+    for place in strange:
+        remove(place, work)
     if own.is_dir():  # without settings it would be made anew, and empty
         write_atomically(own / "config", b"[core]\n    no_scm = True\n", work)
 

@@ -128,13 +128,13 @@ def restore_training(path: Path, network: nn.Module, optimizer: torch.optim.Opti
     saved = load_tensors(path)
     load_weights(network, network_tensors(saved.tensors), path)
     parameters = [one for group in optimizer.param_groups for one in group["params"]]
-    shapes = {str(number): one.shape for number, one in enumerate(parameters)}
+    shapes = {str(number): tuple(one.shape) for number, one in enumerate(parameters)}
     state: dict[int, dict[str, Tensor]] = {}
     for key, value in saved.tensors.items():
         if key.startswith(OPTIMIZER):
             number, _, name = key.removeprefix(OPTIMIZER).partition(".")
-            if value.dim() and value.shape != shapes.get(number):
-                what = f"{path}: {key} is {tuple(value.shape)}, which its parameter is not"
+            if number not in shapes or (value.dim() and value.shape != shapes[number]):
+                what = f"{path}: {key} is {tuple(value.shape)}, and its parameter {shapes.get(number)}"
                 raise BusybotError(what, "train in another folder")
             state.setdefault(int(number), {})[name] = value
     optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})

@@ -193,7 +193,7 @@ class Loop:
         if self.checkpoint.exists():
             try:
                 self._restore()
-            except (AttributeError, KeyError, TypeError, ValueError) as error:
+            except (AttributeError, KeyError, TypeError, ValueError, ArithmeticError) as error:
                 why = first_fault(error) if isinstance(error, ValidationError) else f"{type(error).__name__}: {error}"
                 what = f"{self.checkpoint}: not where this training stands: {why}"
                 raise BusybotError(what, "train in another folder") from error

@@ -1,7 +1,6 @@
 """Boxes and roles of an imported recording, drawn anew: the one change that a recording of others may see later."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -50,8 +49,19 @@ def redraw(dataset: Dataset, index: int, objects: Sequence[KnownObject], was: Se
         write_episode(dataset.episode_path(index), changed, "png", dataset.path)
         dataset.replace_board(changed.board)
         rows = {index: episode_rows(dataset.episode_path(index), index)}
-        with suppress(BusybotError):  # another recording is damaged: its repair makes the tables again
-            dataset.write_tables(rows)
+        try:
+            dataset.store_rows(rows)
+        except BusybotError:  # the repair of another recording that is damaged makes the tables again
+            if all(_readable(dataset, other) for other in dataset.finished()):
+                raise
+
+
+def _readable(dataset: Dataset, index: int) -> bool:
+    try:
+        read_episode(dataset.episode_path(index), "lazy")
+    except BusybotError:
+        return False
+    return True
 
 
 def _redrawn(episode: Episode, objects: Sequence[KnownObject], was: Sequence[int | None]) -> Episode:

@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from busybot.boards.spec import PAPER, BoardSpec
 from busybot.boards.task import affectable
-from busybot.common.errors import BusybotError, UsageError
+from busybot.common.errors import BusybotError, UsageError, naming
 from busybot.common.process_pool import Progress, default_workers, share
 from busybot.datasets.bundled_assets import library_of
 from busybot.datasets.dataset import Dataset
@@ -275,10 +275,11 @@ def _judge_file(
     task: tuple[int, Path], judgings: Sequence[ReasonEvaluation], features: Mapping[str, FeaturesOf]
 ) -> list[JudgedGraph]:
     (index, path), judged = task, []
-    recording = _Recording(read_episode(path, "lazy"), judgings[0])
-    for judging in judgings:
-        known = features.get(_encoder_of(judging) or "")
-        judged.append(recording.judge(judging, None if known is None else known[index]))
+    with naming(path):
+        recording = _Recording(read_episode(path, "lazy"), judgings[0])
+        for judging in judgings:
+            known = features.get(_encoder_of(judging) or "")
+            judged.append(recording.judge(judging, None if known is None else known[index]))
     return judged
 
 

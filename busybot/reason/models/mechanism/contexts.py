@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 from busybot.common.errors import BusybotError
+from busybot.training.device import memory
 
 STATES = 3
 """A responder has so many at most; so has a link."""
@@ -227,26 +228,25 @@ def _fewer(told: np.ndarray, memory: np.ndarray, reads: np.ndarray) -> tuple[np.
     return np.array([without(number, [one]) for number, one in reads.T], int), parts, signs
 
 
-MOST_BYTES = 8 * 2**30
-"""Of what is counted of a recording at once: some 700 actions on six links and five responders, 130 on 16 and 16."""
-BYTES = 11
-"""For each responder, each explanation and each pair of moments: measured."""
+BYTES, OF_RESPONDER = 28, 4
+"""That are taken for each explanation and each pair of moments, and so many more for each responder: measured, at most,
+on boards of 3 to 16 links."""
 
 
 def explanations_of(trace: Trace) -> Explanations:
     """All explanations of a board, with their contexts.
 
     Raises:
-        BusybotError: weighing them would take more than `MOST_BYTES`.
+        BusybotError: weighing them would take more than half of the memory that this process may have.
     """
     (moments, links), responders = trace.links.shape, trace.responders.shape[1]
     known = layout(links, responders)
-    asked = BYTES * responders * len(known.own) * moments**2
-    if asked > MOST_BYTES:
+    asked, most = (BYTES + OF_RESPONDER * responders) * len(known.own) * moments**2, memory() // 2
+    if asked > most:
         board = f"{moments - 1} actions on a board of {links} links that moved and {responders} responders"
-        what = f"to weigh {len(known.own):,} explanations of each responder takes {asked / 2**30:,.0f} GiB"
+        what = f"to weigh {len(known.own):,} explanations of each responder takes {asked / 2**30:,.1f} GiB"
         raise BusybotError(
-            f"{board}: {what}, more than the {MOST_BYTES // 2**30} that it may",
+            f"{board}: {what}, more than {most / 2**30:.1f}, half of what there is",
             "record fewer actions, or smaller boards; `--reasoner event` knows triggers instead of links",
         )
     sizes = np.array([*trace.sizes, *np.maximum(trace.responders.max(0) + 1, 2)], int)

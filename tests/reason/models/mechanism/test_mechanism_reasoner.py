@@ -22,6 +22,7 @@ from busybot.reason.inputs.board_dataset import RecordedBoards
 from busybot.reason.inputs.sequence import BoardSequence
 from busybot.reason.inputs.trigger_links import ObservedLinks, numbered
 from busybot.reason.models.base import Imagining, believed
+from busybot.reason.models.mechanism import contexts
 from busybot.reason.models.mechanism.config import Blur, MechanismConfig, MechanismNetConfig
 from busybot.reason.models.mechanism.contexts import (
     LUCK,
@@ -576,13 +577,16 @@ class ByThemselves(Right):
     wanted = (([], "own"), ([], "own"), ([], "none"))
 
 
-def test_what_would_not_fit_into_the_memory_is_refused_before_it_is_counted() -> None:
+def test_what_would_not_fit_into_the_memory_is_refused_before_it_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     def board(actions: int) -> Trace:
         return Trace(np.zeros((actions + 1, 6), int), np.zeros((actions + 1, 5), int), (2,) * 6)
 
+    monkeypatch.setattr(contexts, "memory", lambda: 2**30)
     assert explanations_of(board(60)).contexts.shape == (61, 301)
-    with pytest.raises(BusybotError, match=r"900 actions on a board of 6 links that moved and 5 responders: .* 13 GiB"):
-        explanations_of(board(900))
+    with pytest.raises(
+        BusybotError, match=r"200 actions on a board of 6 links that moved and 5 responders: .* 0.5, half"
+    ):
+        explanations_of(board(200))
 
 
 def test_clocks_are_found_and_said(watched: BoardSequence) -> None:

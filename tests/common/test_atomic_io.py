@@ -231,6 +231,14 @@ def test_no_device_is_replaced(tmp_path: Path) -> None:
     assert device.is_char_device() and {entry.name for entry in tmp_path.iterdir()} == {"null", "file"}
 
 
+def test_nor_is_a_link_to_one(tmp_path: Path) -> None:
+    link = tmp_path / "null"
+    link.symlink_to(os.devnull)
+    with pytest.raises(BusybotError, match="null: a device, where a file belongs"):
+        write_atomically(link, b"")
+    assert link.is_symlink() and [*tmp_path.iterdir()] == [link]
+
+
 def test_a_path_may_not_climb_out(tmp_path: Path) -> None:
     with pytest.raises(BusybotError, match=r"\.\."):
         write_atomically(tmp_path / "root" / ".." / "named" / "x", b"new", tmp_path / "root")

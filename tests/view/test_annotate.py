@@ -118,6 +118,15 @@ def test_a_damaged_recording_hides_no_other(server: AnnotationServer) -> None:
     assert ask(server, "/api/recordings/0", drawn())[0] == 200
 
 
+def test_what_cannot_be_stored_is_said(server: AnnotationServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: Any) -> None:
+        raise BusybotError("tables: no space left")
+
+    monkeypatch.setattr(Dataset, "store_rows", full)
+    status, data, _ = ask(server, "/api/recordings/0", drawn())
+    assert status == 400 and "no space left" in json.loads(data)["error"]
+
+
 WRONG: dict[str, tuple[str, Any, str]] = {
     "a box outside": ("/api/recordings/0", {"box": [0, 0, 161, 9]}, "outside of pictures of 160 x 120"),
     "an empty box": ("/api/recordings/0", {"box": [5, 5, 5, 9]}, "is empty"),

@@ -152,6 +152,10 @@ def own_name() -> str:
     return os.path.relpath(called) if called.is_relative_to(Path.cwd()) else str(called)
 
 
+SYSTEMS_OWN = Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd")
+"""What lies there is no file of anybody's, also where it leads to one; folders in there, as `/dev/shm`, are."""
+
+
 def check_file(option: str, path: Path | None, example: str) -> None:
     """Refuse, before any work, what cannot be written where an option names a file to write.
 
@@ -162,7 +166,7 @@ def check_file(option: str, path: Path | None, example: str) -> None:
         return
     if path.is_dir():
         raise BusybotError(f"{path} is a folder", f"{option} names a file, for example {path / example}")
-    if path.absolute().parts[1:2] in (("dev",), ("proc",)) or (path.exists() and not path.is_file()):
+    if path.absolute().parent in SYSTEMS_OWN or (path.exists() and not path.is_file()):
         raise BusybotError(f"{path} is a device or a pipe", f"{option} names a file, which is replaced: {example}")
     there = next(place for place in path.absolute().parents if place.exists())
     if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):

@@ -73,12 +73,11 @@ def replacing(path: Path, root: Path | None = None) -> Iterator[BinaryIO]:
 
 
 def _refuse_device(path: Path, folder: int) -> None:
-    """Who may do everything would replace `/dev/null` by a file, for all programs."""
-    for follow in (False, True):  # a link to a device is one, too
-        with contextlib.suppress(OSError):
-            mode = os.stat(path.name, dir_fd=folder, follow_symlinks=follow).st_mode
-            if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
-                raise BusybotError(f"{path}: a device, where a file belongs", "name a file")
+    """Who may do everything would replace `/dev/null`, or a link to it, by a file, for all programs."""
+    with contextlib.suppress(OSError):
+        mode = os.stat(path.name, dir_fd=folder).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise BusybotError(f"{path}: a device, where a file belongs", "name a file")
 
 
 @contextmanager

@@ -98,13 +98,13 @@ def keep_memory(needed: int = 0) -> None:
     Args:
         needed: bytes of memory; where there are less all is as ever.
     """
-    if device().type == "cpu" and platform.libc_ver()[0] == "glibc" and memory() >= needed:
+    if device().type == "cpu" and platform.libc_ver()[0] == "glibc" and memory_limit() >= needed:
         c_library = ctypes.CDLL(None)
         c_library.mallopt(M_MMAP_MAX, 0)
         c_library.mallopt(M_TRIM_THRESHOLD, -1)
 
 
-def memory() -> int:
+def memory_limit() -> int:
     """Bytes that this process may have: of the machine, or of the container that it runs in."""
     limits = [Path("/sys/fs/cgroup", name) for name in ("memory.max", "memory/memory.limit_in_bytes")]
     told = [file.read_text().strip() for file in limits if file.is_file()]

@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from busybot.cli.common import check_file
 from busybot.cli.main import app
+from busybot.common.errors import BusybotError
 from busybot.datasets.dataset import Dataset
 from busybot.objects.importing.auto_annotation import FACING, STANDING
 from busybot.objects.library import Library
@@ -82,6 +84,14 @@ def test_a_sheet_that_cannot_be_written_is_refused_before_it_is_drawn(
     assert code == 1 and "file is no folder" in err and "another place for --out" in err
     code, _, err = run("sheet", "--out", os.devnull)
     assert code == 1 and "is a device or a pipe" in err and Path(os.devnull).is_char_device()
+
+
+@pytest.mark.skipif(not os.access("/dev/shm", os.W_OK), reason="no folder /dev/shm to write into")
+def test_a_file_may_lie_in_memory_and_not_beside_devices() -> None:
+    check_file("--out", Path("/dev/shm/busybot/sheet.png"), "sheet.png")
+    for place in ("/dev/stdout", "/dev/fd/1", "/dev/sheet.png"):
+        with pytest.raises(BusybotError, match="is a device or a pipe"):
+            check_file("--out", Path(place), "sheet.png")
 
 
 def test_real_objects_are_fine(partnet: Path) -> None:

@@ -158,7 +158,7 @@ def test_memory_is_kept_on_a_cpu_with_much_of_it(
     glibc = SimpleNamespace(mallopt=lambda *words: asked.append(words))
     gpus(monkeypatch, count)
     monkeypatch.setattr(networks.platform, "libc_ver", lambda: (library, "2.36"))
-    monkeypatch.setattr(networks, "memory", lambda: bytes_there)
+    monkeypatch.setattr(networks, "memory_limit", lambda: bytes_there)
     monkeypatch.setattr(networks.ctypes, "CDLL", lambda name: glibc)
     networks.keep_memory.cache_clear()
     networks.keep_memory(22 << 30)

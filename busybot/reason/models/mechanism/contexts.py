@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from busybot.common.errors import BusybotError
-from busybot.training.device import memory
+from busybot.training.device import memory_limit
 
 STATES = 3
 """A responder has so many at most; so has a link."""
@@ -241,7 +241,7 @@ def explanations_of(trace: Trace) -> Explanations:
     """
     (moments, links), responders = trace.links.shape, trace.responders.shape[1]
     known = layout(links, responders)
-    asked, most = (BYTES + OF_RESPONDER * responders) * len(known.own) * moments**2, memory() // 2
+    asked, most = (BYTES + OF_RESPONDER * responders) * len(known.own) * moments**2, memory_limit() // 2
     if asked > most:
         board = f"{moments - 1} actions on a board of {links} links that moved and {responders} responders"
         what = f"to weigh {len(known.own):,} explanations of each responder takes {asked / 2**30:,.1f} GiB"

@@ -581,7 +581,7 @@ def test_what_would_not_fit_into_the_memory_is_refused_before_it_is_counted(monk
     def board(actions: int) -> Trace:
         return Trace(np.zeros((actions + 1, 6), int), np.zeros((actions + 1, 5), int), (2,) * 6)
 
-    monkeypatch.setattr(contexts, "memory", lambda: 2**30)
+    monkeypatch.setattr(contexts, "memory_limit", lambda: 2**30)
     assert explanations_of(board(60)).contexts.shape == (61, 301)
     with pytest.raises(
         BusybotError, match=r"200 actions on a board of 6 links that moved and 5 responders: .* 0.5, half"

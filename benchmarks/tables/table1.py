@@ -7,7 +7,8 @@ result as soon as both novel splits are judged. All rows propose ten actions on 
 row had the same number of boards, actions and iterations. Boards have an appearance each (`--group-size 1`). Time and
 memory of a training are noted if nothing interrupted it. A row whose folder in FOLDER is a model already, as
 `benchmarks.gpu.unpack` leaves one, is judged as it is. Rows are compared with the one whose model they judge
-otherwise, or with `free-0`, board by board, if that was judged before (`compared`).
+otherwise, or with `free-0`, board by board (`compared`), if that stands in the result, which tells of it what happened
+on each board (`by_board`): rows may be made one after the other on several machines.
 """
 
 import argparse
@@ -21,8 +22,8 @@ from busybot.common.config import build
 from busybot.common.errors import BusybotError, UsageError
 from busybot.common.process_pool import machine
 from busybot.common.rng import generator
-from busybot.evaluation.folder import RESULT
-from busybot.evaluation.results import commit, read_result
+from busybot.evaluation.folder import OTHER_CODE
+from busybot.evaluation.results import commit, of_this_code, read_result
 from busybot.evaluation.statistics import compare_boards
 from busybot.interact.policy.config import AffordanceInfo
 from busybot.interact.policy.policy_factory import DEFAULT_MODEL
@@ -87,6 +88,8 @@ ROWS = {
     "real-camera-oracle": Table1Row((*JOINTS, *REAL_CAMERA), judge=(*JOINTS, *REAL_CAMERA), against="real-camera"),
     "real-camera-clean": Table1Row(None, judge=REAL_CAMERA, model="free-0", against="real-camera"),
 }
+REFERENCES = frozenset(row.against for row in ROWS.values())
+"""Rows that others are compared with."""
 OTHER_CAMERA = ("real-camera", "real-camera-oracle", "real-camera-clean")
 """No rows of Table 1: whether the reward of pictures is as good as the true one, where it can be wrong."""
 ON_REQUEST = ("shipped", *(name for name in ROWS if name.startswith("paper")), *OTHER_CAMERA)
@@ -96,8 +99,12 @@ NOTHING_LEARNED = "no recorded action succeeded"
 """What training says where not a single action was rewarded: there is no model to judge."""
 
 
-def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
-    """Train a row if it has a training, and judge it on both novel splits."""
+def run(name: str, rows: dict[str, Any], arguments: argparse.Namespace) -> dict[str, Any]:
+    """Train a row if it has a training, and judge it on both novel splits.
+
+    Args:
+        rows: those that are there, one of which it may be compared with.
+    """
     row, work = ROWS[name], arguments.work
     commands: list[tuple[str, ...]] = []
     trained, places = None, {str(work): "WORK", arguments.assets: "ASSETS"}
@@ -119,13 +126,15 @@ def run(name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     judged, policy = {}, {}
     for split in SPLITS:
         folder = work / f"judge-{arguments.judge_seed}-{split}"
-        out = _judged(arguments, name, split)
+        out = arguments.work / f"judged-{arguments.judge_seed}-{name}-{split}"
         commands.append(runner.generating(folder, split, arguments.boards, arguments.judge_seed, arguments.assets))
         runner.busybot(*commands[-1])
         commands.append(("eval", "interact", str(folder), "--model", model, *row.judge))
         result = runner.busybot(*commands[-1], "--out", str(out), "--assets", arguments.assets)
         judged[split] = {key: result[key] for key in (*KEYS, "commit", "dataset", "versions")}
-        judged[split]["compared"] = _compared(arguments, name, split, result)
+        judged[split]["compared"] = _compared(name, split, result, rows, arguments.judge_seed)
+        if name in REFERENCES:
+            judged[split]["by_board"] = result["by_board"]
         policy = judged_policy(result["provenance"])
     typed = [runner.as_typed(command, places) for command in commands]
     return {"commands": typed, "machine": machine(), "training": trained, "policy": policy, **judged}
@@ -161,20 +170,20 @@ def _alike(known: Any, asked: Any) -> bool:
     return bool(known == asked)
 
 
-def _judged(arguments: argparse.Namespace, name: str, split: str) -> Path:
-    """Folder of an evaluation."""
-    return Path(arguments.work / f"judged-{arguments.judge_seed}-{name}-{split}")
+def _compared(name: str, split: str, result: dict[str, Any], rows: dict[str, Any], seed: int) -> dict[str, Any] | None:
+    """A row against another one on the same boards (`compare_boards`); None if that is not there.
 
-
-def _compared(arguments: argparse.Namespace, name: str, split: str, result: dict[str, Any]) -> dict[str, Any] | None:
-    """A row against another one on the same boards (`compare_boards`); None if that was not judged here."""
+    Raises:
+        UsageError: another version of busybot judged that one.
+    """
     against = ROWS[name].against
-    known = _judged(arguments, against, split) / RESULT
-    told = (runner.earlier(known) or {}).get("by_board") if against != name else None
-    if told is None:
+    known = rows.get(against, {}).get(split) if against != name else None
+    if known is None or "by_board" not in known:
         return None
-    rng = generator(arguments.judge_seed, split, 0, f"table1/{name}")
-    return {"against": against, **compare_boards(told, result["by_board"], rng)}
+    if not of_this_code(known):
+        raise UsageError(f"{against}, {split}: {OTHER_CODE}", f"name another --out, or judge {against} first")
+    rng = generator(seed, split, 0, f"table1/{name}")
+    return {"against": against, **compare_boards(known["by_board"], result["by_board"], rng)}
 
 
 def judged_policy(provenance: dict[str, Any]) -> dict[str, Any]:
@@ -200,7 +209,7 @@ def main(words: list[str] | None = None) -> None:
     result: dict[str, Any] = {**about, "rows": dict(before["rows"])}
     names = runner.chosen(arguments.rows, ROWS)
     for name in names:
-        result["rows"][name] = run(name, arguments)
+        result["rows"][name] = run(name, result["rows"], arguments)
         runner.finish("table1", arguments, result, seed=arguments.judge_seed)  # rows have hashes and seeds of their own
         for split in SPLITS:
             row = result["rows"][name].get(split, {"precision": 0.0, "recall": 0.0})

@@ -365,6 +365,7 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
         "against": "free-0", "recall": {"boards": 5, "difference": -1, "p": 2 / 32}
     }  # fmt: skip
     assert told["free-1"]["novel-config"]["compared"]["recall"]["p"] == 1
+    assert {name for name, row in told.items() if "by_board" in row.get("novel-object", {})} == {"free-0", "paper"}
     trained = [command for command in asked if command[0] == "train"][1:]
     assert len(trained) == 2 and "--seed" in trained[0] and trained[0][trained[0].index("--seed") + 1] == "1"
     known = {key: value for key, value in told["paper"]["training"].items() if key != "config"}
@@ -383,6 +384,14 @@ def test_rows_of_table_1_are_what_commands_tell(tmp_path: Path, monkeypatch: pyt
     papers = {"paper", "paper-greedy", "paper-oracle", "paper-rgb", "paper-without-responders"}
     further = {*table1.ON_REQUEST} - papers
     assert {row.name for row in INTERACTION.rows} == table1.ROWS.keys() - further and papers < {*table1.ON_REQUEST}
+    monkeypatch.setattr("sys.argv", ["t", "--work", f"{tmp_path}/elsewhere", "--out", str(out), "--rows", "free-2"])
+    table1.main()
+    known = json.loads(out.read_text())
+    assert known["rows"]["free-2"]["novel-object"]["compared"]["recall"]["p"] == 1, "free-0 was judged elsewhere"
+    known["rows"]["free-0"]["novel-config"]["versions"]["code"] = "0" * 64
+    out.write_text(json.dumps(known))
+    with pytest.raises(BusybotError, match="free-0, novel-config: what is there was judged by another version"):
+        table1.main()
 
 
 def test_a_result_tells_of_rows_that_came_one_after_the_other_who_made_which(tmp_path: Path) -> None:

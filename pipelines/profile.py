@@ -196,6 +196,17 @@ class _Installed(Profile):
     objects: str
 
 
+def run_of(words: list[str]) -> Path:
+    """A run's folder, as the one word of a stage's command line.
+
+    Raises:
+        BusybotError: there is no such folder, or there are other words.
+    """
+    if len(words) != 1 or not Path(words[0]).is_dir():
+        raise BusybotError(f"no folder of a run: {' '.join(words) or 'none is named'}", "name one, as runs/smoke")
+    return Path(words[0])
+
+
 def profile_of(run: Path, params: Path = FOLDER.parent / PARAMS) -> Profile:
     """What a run was asked for: the pipeline's values where they are its profile's, else the profile itself.
 

@@ -18,7 +18,7 @@ from typing import Any
 from busybot.common.atomic_io import read_json, write_atomically
 from busybot.common.errors import BusybotError
 from busybot.training.run_folder import read_metrics
-from pipelines.profile import Profile, profile_of
+from pipelines.profile import Profile, profile_of, run_of
 
 SHOWN = {
     "interact": ("judged/{}/result.json", ("precision", "recall", "precision_exploring", "boards")),
@@ -56,7 +56,7 @@ def curves(run: Path) -> str:
 
 
 def main() -> None:
-    run = Path(sys.argv[1])
+    run = run_of(sys.argv[1:])
     write_atomically(run / "metrics.json", (json.dumps(metrics(run, profile_of(run)), indent=1) + "\n").encode())
     write_atomically(run / "curves.tsv", curves(run).encode())
 

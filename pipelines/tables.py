@@ -16,7 +16,7 @@ from busybot.common.atomic_io import read_json
 from busybot.common.errors import BusybotError
 from busybot.evaluation.reference_tables import PLANNING, REASONING
 from busybot.evaluation.results import stamp, write_result
-from pipelines.profile import Profile, profile_of
+from pipelines.profile import Profile, profile_of, run_of
 from pipelines.stage import Note, note_of, read_note
 
 NOVEL = ("novel-config", "novel-object")
@@ -128,7 +128,7 @@ def _known(file: Path) -> Any:
 
 
 def main() -> None:
-    run = Path(sys.argv[1])
+    run = run_of(sys.argv[1:])
     asked = profile_of(run)
     tables = {"table1": interaction(run, asked), "table2": reasoning(run, asked), "table3": planning(run, asked)}
     assets = {

@@ -156,8 +156,11 @@ SYSTEMS_OWN = Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd")
 """What lies there is no file of anybody's, also where it leads to one; folders in there, as `/dev/shm`, are."""
 
 
-def check_file(option: str, path: Path | None, example: str) -> None:
+def check_file(option: str, path: Path | None, example: str, kind: str = "") -> None:
     """Refuse, before any work, what cannot be written where an option names a file to write.
+
+    Args:
+        kind: how the file's name has to end, as `.png`: a name says what it is.
 
     Raises:
         BusybotError: the path is a folder or a device, or lies where nothing can be made.
@@ -166,6 +169,8 @@ def check_file(option: str, path: Path | None, example: str) -> None:
         return
     if path.is_dir():
         raise BusybotError(f"{path} is a folder", f"{option} names a file, for example {path / example}")
+    if not path.name.lower().endswith(kind):
+        raise BusybotError(f"{option} {path}: it writes {kind} files", f"name a file that ends in {kind}")
     if path.absolute().parent in SYSTEMS_OWN or (path.exists() and not path.is_file()):
         raise BusybotError(f"{path} is a device or a pipe", f"{option} names a file, which is replaced: {example}")
     there = next(place for place in path.absolute().parents if place.exists())

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from busybot.cli.common import counted, pixel_shares, print_json, say, tell
+from busybot.cli.common import check_file, counted, pixel_shares, print_json, say, tell
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption
-from busybot.common.errors import BusybotError
 
 if TYPE_CHECKING:
     from busybot.sim.replay import Compared
@@ -30,8 +29,7 @@ def replay(
     from busybot.episodes.mcap.reader import read_episode
     from busybot.sim.replay import replay_file
 
-    if screenshot is not None:
-        _refuse_no_picture(screenshot)
+    check_file("--screenshot", screenshot, "step.png", ".png")
     read_episode(episode, images="lazy")  # a fault of the file is told before objects are looked for
     compared = replay_file(episode, library_of_file(episode, assets), step, screenshot)
     holds = all(one.holds for one in compared)
@@ -45,13 +43,6 @@ def replay(
         say(f"{episode}: {counted(len(compared), 'step')} put back, {'all hold' if holds else 'not all hold'}")
     if not holds:
         raise typer.Exit(1)
-
-
-def _refuse_no_picture(screenshot: Path) -> None:
-    """A file's name says what it is, which is known before all the work."""
-    if screenshot.suffix.lower() != ".png" or screenshot.is_dir():
-        written = "it is a folder" if screenshot.is_dir() else "it writes .png files"
-        raise BusybotError(f"--screenshot {screenshot}: {written}", "name a file that ends in .png")
 
 
 def _sentence(one: "Compared") -> str:

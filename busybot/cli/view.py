@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from busybot.cli.common import print_json, say, tell
+from busybot.cli.common import check_file, print_json, say, tell
 from busybot.cli.options import DeviceOption, JsonOption, interaction_models, offering, reasoners
 
 
@@ -59,6 +59,12 @@ def view(
     for option, given in (("--model", model is not None), ("--replay", replay)):
         if given and figure and not (save or screenshot or web):
             raise typer.BadParameter("a figure does not show it; it needs another output, too", param_hint=option)
+    for option, path, kind in (
+        ("--save", save, ".rrd"),
+        ("--screenshot", screenshot, ".png"),
+        ("--figure", figure, ".png"),
+    ):
+        check_file(option, path, f"episode{kind}", kind)
     objects = library_of_file(episode_file(source, episode), assets) if replay else None
     wanted = ViewRequest(save, screenshot, figure, step, web, model, objects, reasoner)
     before = signal.signal(signal.SIGTERM, _interrupt)

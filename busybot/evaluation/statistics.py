@@ -143,8 +143,9 @@ def sign_flip_test(differences: np.ndarray, rng: np.random.Generator) -> float |
     if len(told) <= ALL_SIGNS:
         signs = np.array(list(product((-1, 1), repeat=len(told)))).reshape(2 ** len(told), -1)
         return float((np.abs(signs @ told) >= seen).mean())
-    signs = rng.choice((-1, 1), size=(FLIPS, len(told)))
-    return float((1 + (np.abs(signs @ told) >= seen).sum()) / (1 + FLIPS))
+    # one draw after the other: all of many boards would not fit into memory
+    sums = np.array([rng.choice((-1, 1), size=len(told)) @ told for _ in range(FLIPS)])
+    return float((1 + (np.abs(sums) >= seen).sum()) / (1 + FLIPS))
 
 
 def swap_test(first: np.ndarray, other: np.ndarray, rng: np.random.Generator) -> float | None:
@@ -166,7 +167,7 @@ def swap_test(first: np.ndarray, other: np.ndarray, rng: np.random.Generator) ->
     every = len(more) <= ALL_SIGNS
     if every:
         moved = np.array(list(product((0, 1), repeat=len(more))), float).reshape(2 ** len(more), -1) @ more
-    else:  # one draw after the other: all of many boards would not fit into memory
+    else:  # as above
         moved = np.stack([rng.integers(2, size=len(more)) @ more for _ in range(FLIPS)])
     extreme = ~(np.abs(_apart(other.sum(0) - moved, both)) < abs(seen) - EQUAL)  # what is not defined, too
     return float(extreme.mean()) if every else float((1 + extreme.sum()) / (1 + FLIPS))

@@ -133,6 +133,9 @@ class Learner:
         """Put back what `state` returned; there are other tensors in it, too."""
 
 
+Done = Annotated[int, Field(ge=0)]
+
+
 @dataclass
 class Progress:
     """Where a training stands.
@@ -144,10 +147,10 @@ class Progress:
         waited: judgements since.
     """
 
-    iteration: int = 0
-    best: int = 0
+    iteration: Done = 0
+    best: Done = 0
     best_loss: float | None = None
-    waited: int = 0
+    waited: Done = 0
 
     def better(self, loss: float | None) -> bool:
         """Enter a judgement; returns whether it is the best so far: never one that is no number. Without held-out
@@ -259,7 +262,7 @@ class Loop:
             self._untold = [math.nan if loss is None else float(loss) for loss in values.get("untold", ())]
             self.progress, values = PROGRESS.validate_python(values["progress"]), values["learner"]
         else:  # networks that are trained in rounds or epochs once wrote how far they were among their own values
-            self.progress = Progress(int(values.get("iteration", values.get("total", 0))))
+            self.progress = PROGRESS.validate_python({"iteration": values.get("iteration", values.get("total", 0))})
         if learner.budget is not None:
             learner.budget.go_on(values["seconds"])
         learner.restore(Checkpoint(saved.tensors, values))

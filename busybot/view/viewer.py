@@ -60,16 +60,6 @@ class ViewResult:
     url: str | None = None
 
 
-def _refuse_other_kinds(wanted: ViewRequest) -> None:
-    """A file's name says what it is."""
-    for name, suffix in (("save", ".rrd"), ("screenshot", ".png"), ("figure", ".png")):
-        path = getattr(wanted, name)
-        if path is not None and path.suffix.lower() != suffix:
-            raise BusybotError(f"--{name} {path}: it writes {suffix} files", f"name a file that ends in {suffix}")
-        if path is not None and path.is_dir():
-            raise BusybotError(f"--{name} {path}: it is a folder", f"name a file that ends in {suffix}")
-
-
 def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callable[[ViewResult], None]) -> None:
     """Show an episode, with what counting infers about it.
 
@@ -81,7 +71,6 @@ def show(source: Path, number: int | None, wanted: ViewRequest, announce: Callab
     Raises:
         BusybotError: the input is at fault, or the viewer fails.
     """
-    _refuse_other_kinds(wanted)
     path = episode_file(source, number)
     window = not (wanted.web or wanted.save or wanted.screenshot or wanted.figure)
     if window:

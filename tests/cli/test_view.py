@@ -151,3 +151,10 @@ def test_files_of_another_kind_are_refused(option: str, name: str, kind: str, da
     result = run(dataset, option, tmp_path / name)
     assert result.exit_code == 1 and f"it writes {kind} files" in result.stderr
     assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(("option", "name"), [("--save", "e.rrd"), ("--screenshot", "e.png"), ("--figure", "e.png")])
+def test_where_nothing_can_be_written_is_told_before_the_work(option: str, name: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    result = run("nowhere.mcap", option, tmp_path / "file" / name)
+    assert result.exit_code == 1 and "file is no folder" in result.stderr and "nowhere" not in result.stderr

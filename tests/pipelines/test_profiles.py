@@ -20,7 +20,7 @@ from busybot.interact.training.config import PaperConfig, TrainConfig
 from busybot.reason.models.event.config import EventConfig
 from busybot.reason.models.paper.config import PaperReasonConfig
 from busybot.view.report.report import write_report
-from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, profile_of, read_profile
+from pipelines.profile import FOLDER, OBJECTS, PROCEDURAL, install, profile_of, read_profile, run_of
 from pipelines.stage import Note, begin, key_of, note_of, run
 from pipelines.summary import metrics
 from pipelines.tables import interaction, notes, planning, reasoning, stages_of, typed
@@ -47,6 +47,13 @@ def copied(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("name", PROFILES)
 def test_every_profile_is_sound(name: str) -> None:
     assert read_profile(name).profile == name
+
+
+def test_a_run_is_named_by_one_folder(tmp_path: Path) -> None:
+    assert run_of([str(tmp_path)]) == tmp_path
+    for words, told in (([], "none is named"), ([str(tmp_path / "x")], "/x"), ([str(tmp_path)] * 2, str(tmp_path))):
+        with pytest.raises(BusybotError, match=rf"no folder of a run: .*{told}(.|\n)*runs/smoke"):
+            run_of(words)
 
 
 def test_laptop_and_paper_train_as_the_defaults_say() -> None:

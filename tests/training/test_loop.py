@@ -103,6 +103,8 @@ BEGUN = {"progress": {"iteration": 3}, "learner": {"drawn": 12}}
         {"progress": {"iteration": 3}},
         {**BEGUN, "learner": {}},
         {**BEGUN, "progress": {"iteration": "a"}},
+        {**BEGUN, "progress": {"iteration": -3}},
+        {"iteration": -3},
         {**BEGUN, "untold": 3},
         {"iteration": float("inf")},
     ],

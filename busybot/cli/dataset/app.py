@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from busybot.cli.common import answer, counted, episode_progress, kept_in, print_json, processes, say, tell, warn
+from busybot.cli.common import (
+    answer,
+    check_file,
+    counted,
+    episode_progress,
+    kept_in,
+    print_json,
+    processes,
+    say,
+    tell,
+    warn,
+)
 from busybot.cli.dataset import printing
 from busybot.cli.options import AssetsOption, DeviceOption, JsonOption, WorkersOption
 from busybot.common.errors import BusybotError, UsageError
@@ -328,6 +339,7 @@ def calibrate(
         raise UsageError(what, "give those of a row and a column, 3 to 99, as 7x5")
     if math.isnan(side + width):  # which no range of an option refuses
         raise UsageError("--side and --width are lengths", "give both in the same unit, as 2.5")
+    check_file("--out", out, "camera.json")
     refuse_taken(out)
     found = calibrate(pictures, Checkerboard(columns, rows, side), flat, width)
     write_json(out, found["camera"])

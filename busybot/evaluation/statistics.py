@@ -47,9 +47,12 @@ def interval_over_boards(part: np.ndarray, whole: np.ndarray, chosen: np.ndarray
         chosen: int (draws, B), the boards of each draw.
 
     Returns:
-        `extreme_interval` where there is one; None if a draw has no whole.
+        `extreme_interval` where there is one; None if a draw has no whole, or one board alone has, which says nothing
+        of others.
     """
-    return extreme_interval(part, whole) or share_interval(part[chosen].sum(1), whole[chosen].sum(1))
+    if extreme := extreme_interval(part, whole):
+        return extreme
+    return share_interval(part[chosen].sum(1), whole[chosen].sum(1)) if np.count_nonzero(whole) > 1 else None
 
 
 def widest(intervals: Iterable[Sequence[float] | None]) -> Interval:

@@ -44,7 +44,7 @@ KEYS: dict[str, str] = {
     "agents.NAME.object_interval": "of `success`, by a bootstrap over objects (responders) and their tasks; where all "
     "or none is reached exact bounds, each object being one trial",
     "compared.NAME": "against the first agent named, on the same tasks: `difference` of success and its "
-    "`difference_interval` by a bootstrap over tasks (where none differs, by the exact bound on the share that may), "
+    "`difference_interval` by a bootstrap over tasks (where all differ alike, by the bound on the share that may not), "
     "the number of tasks `differing`, `p_success` by a sign-flip test, `p_solved` by McNemar's test",
 }
 """What the figures are called that every world has beside the paper's."""
@@ -205,12 +205,15 @@ def _compared(
 
 
 def _difference_interval(more: np.ndarray, chosen: np.ndarray) -> Interval:
-    """Of a mean difference over tasks. Where none differs, a bootstrap would see none ever; no task can count for more
-    than 1, so the mean is no larger than the share of the tasks that may differ."""
-    if len(more) and not more.any():
+    """Of a mean difference over tasks. Where all have the same, often none, a bootstrap would see no other ever: by
+    the exact bound on the share of tasks that may have another, of which none can count for more than 1."""
+    if not len(more):
+        return None
+    if (more == more[0]).all():
         _, most = binomial_interval(0, len(more)) or (0.0, 1.0)
-        return -most, most
-    return percentile_interval(more[chosen].mean(1)) if len(more) else None
+        same = float(more[0]) * (1 - most)
+        return same - most, same + most
+    return percentile_interval(more[chosen].mean(1))
 
 
 def _success_interval(success: np.ndarray, chosen: np.ndarray) -> Interval:

@@ -37,6 +37,7 @@ def test_boards_that_are_all_right_are_so_many_trials() -> None:
     some, every = np.array([1, 2, 3, 1]), np.full(4, 4)
     found = interval_over_boards(some, every, chosen)
     assert found == tuple(np.quantile(some[chosen].sum(1) / 16, (0.025, 0.975)))
+    assert interval_over_boards(some[1:2], every[:1], 0 * chosen[:, :1]) is None, "one board tells of no other"
 
 
 def test_the_binomial_bounds_leave_out_what_they_promise() -> None:

@@ -117,6 +117,13 @@ def test_agents_that_do_the_same_on_two_tasks_may_still_differ_on_others() -> No
     assert told["difference_interval"] == (pytest.approx(-(1 - 0.025**0.5)), pytest.approx(1 - 0.025**0.5))
 
 
+def test_one_task_says_little_of_a_difference() -> None:
+    told = summarise(TASKS[:1], ["a", "b"], rng())["compared"]["b"]
+    low, high = told["difference_interval"]
+    assert told["difference"] > 0 and low == pytest.approx(0.025 * told["difference"] - 0.975)
+    assert high == pytest.approx(0.025 * told["difference"] + 0.975)
+
+
 def test_more_steps_are_counted_where_the_task_was_solved() -> None:
     easy = JudgedTask(board=0, kind="reach", least_steps=4, rollouts=(rollout("a", HIT, steps=5),))
     failed = JudgedTask(board=1, kind="reach", least_steps=1, rollouts=(rollout("a", MISS, steps=8),))

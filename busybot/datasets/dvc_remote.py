@@ -2,7 +2,8 @@
 
 `push` sends a dataset's files and writes a small pointer beside it, `NAME.dvc`, to be kept in version control; `pull`
 makes the dataset where its pointer is. DVC addresses files by MD5; what was pulled is compared with the SHA-256 of the
-manifest before it gets its name. Each works in a DVC repository of its own, so none is needed and none is touched.
+manifest, and the manifest with the pointer, before it gets its name. Each works in a DVC repository of its own, so none
+is needed and none is touched.
 
 A pointer and what a remote answers may come from anybody: both may name nothing outside of the dataset's folder.
 """
@@ -166,13 +167,13 @@ def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str
             f"{remote}: it does not hold what {pointer} means", "is it the --remote that it was sent to?"
         )
     try:
-        entries = check_listing(listing)
+        entries = check_listing(listing, out.md5)
     except BusybotError:
         remove(listing, work)
         raise
     dvc.run("checkout", "--force", POINTER)
     fetched = work / out.path
-    if faults := _faults(fetched):
+    if faults := _faults(fetched, entries):
         for name in faults:
             remove(_cached(work, entries.get(name, out.md5)), work)  # what is not listed makes the list a wrong one
         remove(fetched, work)
@@ -181,10 +182,13 @@ def _fetch(work: Path, pointer: Path, out: _Out, dvc: "_Repository", remote: str
         raise BusybotError(what, "do the same again; if that does not help, fetch it from another remote")
 
 
-def _faults(fetched: Path) -> dict[str, str]:
-    """What is wrong with files that were fetched, by name: nothing in a whole frozen dataset."""
+def _faults(fetched: Path, entries: Mapping[str, str]) -> dict[str, str]:
+    """What is wrong with files that were fetched, by name: nothing in a whole frozen dataset whose manifest is the one
+    that is listed. DVC does not look at what it has fetched before."""
     if not is_frozen(fetched):
         return {MANIFEST_FILE: "which is none of a frozen dataset"}
+    if _md5_of(fetched / MANIFEST_FILE) != entries.get(MANIFEST_FILE):
+        return {MANIFEST_FILE: "which is not that of the dataset that the pointer means"}
     try:
         return {name: fault for name, fault, _ in unlike_manifest(fetched, read_manifest(fetched))}
     except BusybotError as error:
@@ -251,11 +255,14 @@ def read_pointer(pointer: Path, name: str) -> _Out:
     return out
 
 
-def check_listing(listing: Path) -> dict[str, str]:
+def check_listing(listing: Path, address: str) -> dict[str, str]:
     """The MD5 of each file of a remote's list, if none is outside of the folder.
 
+    Args:
+        address: what the pointer calls the list.
+
     Raises:
-        BusybotError: it does, or it is damaged.
+        BusybotError: one is, the list is damaged, or it is another one.
     """
     hint = "the storage holds something else: ask who shared the dataset"
     if listing.stat().st_size > LARGEST_LISTING:
@@ -269,6 +276,8 @@ def check_listing(listing: Path) -> dict[str, str]:
             raise BusybotError(f"{listing}: it names {name!r}, outside of the dataset", hint)
         if not MD5.fullmatch(digest):
             raise BusybotError(f"{listing}: {name!r} has no MD5", hint)
+    if f"{_md5_of(listing)}.dir" != address:
+        raise BusybotError(f"{listing}: not the list of files that the pointer means", hint)
     return entries
 
 

@@ -60,9 +60,12 @@ def test_a_pulled_dataset_is_the_pushed_one(frozen: Path, tmp_path: Path) -> Non
 
 @pytest.mark.long
 @pytest.mark.usefixtures("dvc")
-@pytest.mark.parametrize("damaged", ["dataset.json", "manifest.json"])
-def test_what_was_changed_on_the_way_gets_no_name(damaged: str, frozen: Path, tmp_path: Path) -> None:
-    """Whoever controls the storage can forge MD5 addresses, but not what the manifest says."""
+@pytest.mark.parametrize(
+    ("damaged", "more"), [("dataset.json", b"more"), ("manifest.json", b"more"), ("manifest.json", b"\n")]
+)
+def test_what_was_changed_on_the_way_gets_no_name(damaged: str, more: bytes, frozen: Path, tmp_path: Path) -> None:
+    """Whoever controls the storage can put something else under an address, but not what the manifest says, nor
+    another manifest than the pointer means."""
     sent = push(frozen, str(tmp_path / "remote"))
     there = tmp_path / "there" / "toys"
     there.parent.mkdir()
@@ -72,7 +75,7 @@ def test_what_was_changed_on_the_way_gets_no_name(damaged: str, frozen: Path, tm
     stored = tmp_path / "remote" / "files" / "md5" / first["md5"][:2] / first["md5"][2:]
     whole = stored.read_bytes()
     stored.chmod(0o644)
-    stored.write_bytes(whole + b"more")
+    stored.write_bytes(whole + more)
     with pytest.raises(BusybotError, match=f"{damaged} came from there"):
         pull(there, str(tmp_path / "remote"))
     assert not there.exists()
@@ -244,7 +247,16 @@ def test_a_pointer_that_is_a_link_is_refused(tmp_path: Path) -> None:
 def test_listings_that_leave_the_folder_are_refused(name: str, tmp_path: Path) -> None:
     (tmp_path / "list.dir").write_text(json.dumps([{"md5": MD5, "relpath": "fine"}, {"md5": MD5, "relpath": name}]))
     with pytest.raises(BusybotError, match="outside"):
-        check_listing(tmp_path / "list.dir")
+        check_listing(tmp_path / "list.dir", f"{MD5}.dir")
+
+
+def test_a_list_that_the_pointer_does_not_mean_is_refused(tmp_path: Path) -> None:
+    listing = tmp_path / "list.dir"
+    listing.write_text(json.dumps([{"md5": MD5, "relpath": "fine"}]))
+    own = hashlib.md5(listing.read_bytes()).hexdigest()
+    assert check_listing(listing, f"{own}.dir") == {"fine": MD5}
+    with pytest.raises(BusybotError, match="not the list of files that the pointer means"):
+        check_listing(listing, f"{MD5}.dir")
 
 
 def test_passwords_are_not_taken_from_the_command_line() -> None:

@@ -95,8 +95,13 @@ def make_board(seed: int = 0, assets: str | Library = "procedural", **config: An
     Raises:
         BusybotError: a value is not allowed, or the objects are not there.
     """
+    alone = {"boards": 1, "group_size": 1}
+    if others := [name for name, one in alone.items() if config.get(name, one) != one]:
+        raise BusybotError(
+            f"make_board: {others[0]}: one board is drawn", "`busybot generate` makes a dataset of several"
+        )
     try:
-        drawn = BoardConfig.model_validate({**config, "seed": seed, "boards": 1, "group_size": 1})
+        drawn = BoardConfig.model_validate({**config, "seed": seed, **alone})
     except ValidationError as error:
         raise BusybotError(f"make_board: {first_fault(error)}", "see `busybot.boards.config.BoardConfig`") from None
     return next(iter(generate_boards(drawn, assets if isinstance(assets, Library) else find(assets))))

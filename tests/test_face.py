@@ -288,6 +288,9 @@ def test_boards_by_seed() -> None:
     assert {relation.kind for relation in board.relations} == {"one-to-one"}
     with pytest.raises(BusybotError, match="split"):
         busybot.make_board(split="none")
+    for several in ({"boards": 3}, {"group_size": 3}):
+        with pytest.raises(BusybotError, match=f"make_board: {next(iter(several))}: one board is drawn"):
+            busybot.make_board(4, "procedural", **several)
 
 
 @pytest.mark.long

@@ -118,7 +118,7 @@ def test_what_a_figure_does_not_show_is_wrong_usage_without_another_output(
 def test_a_folder_is_no_file_to_write(dataset: Path, tmp_path: Path) -> None:
     (tmp_path / "f.png").mkdir()
     refused = run(dataset, "--figure", tmp_path / "f.png")
-    assert refused.exit_code == 1 and "it is a folder" in refused.stderr
+    assert refused.exit_code == 1 and "is a folder" in refused.stderr
 
 
 def test_a_reasoner_comes_before_counting(dataset: Path, tmp_path: Path) -> None:

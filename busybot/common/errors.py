@@ -59,7 +59,7 @@ def needs_extra(package: str, extra: str) -> BusybotError:
     """The error of a command whose optional package is absent; a name on a package index may be somebody else's."""
     way = "setup" if extra in EXTRA_OF.values() else "extras"
     return BusybotError(
-        f"{package} is not installed", f"in busybot's own folder: make {way}, or pip install '.[{extra}]'"
+        f"{package} is not installed", f"in busybot's own folder: make {way}, or pip install -e '.[{extra}]'"
     )
 
 
